@@ -1,0 +1,76 @@
+#pragma once
+// The contract of a device kind. A kind is one file in kinds/ with a plain descriptor, and one line in
+// kinds.cpp. SI units and radians; device frame: z from the fixed to the mobile platform.
+
+#include <Eigen/Dense>
+#include <array>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+inline constexpr int max_device_dimension = 6;
+/// Device configuration w (end-effector coordinates) or actuator coordinates q; never allocates.
+using Coordinates = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, max_device_dimension, 1>;
+/// Rows = outputs, columns = components of w.
+using DeviceJacobian = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, max_device_dimension, max_device_dimension>;
+using PointJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, max_device_dimension>;
+
+struct DeviceKind;
+
+/// A device: its kind with the numbers that a user may set.
+struct DeviceModel {
+    const DeviceKind* kind = nullptr;
+    std::array<double, 8> geometry{};    ///< meaning: DeviceKind::geometry_names
+    Coordinates joint_min, joint_max;    ///< actuator limits [rad]
+    double disk_radius = 0.010;          ///< of the platform [m]
+    double clearance = 0.0005;           ///< eps of Perez et al. 2017, Eq. 3 [m]
+    Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();  ///< device frame -> finger frame
+    Coordinates rest;                    ///< contact-free configuration w
+};
+
+/// Where the platform is, with derivatives with respect to w.
+struct Platform {
+    Eigen::Vector3d centre;   ///< p [m]
+    Eigen::Matrix3d rotation;
+    Eigen::Vector3d normal;   ///< n, unit, points at the finger
+    PointJacobian dcentre, dnormal;  ///< [3 x size of w]
+};
+
+/// Actuator coordinates of a configuration, with derivatives.
+struct Joints {
+    Coordinates q;       ///< [rad]
+    DeviceJacobian dq;   ///< [joints x size of w]
+    bool closed = true;  ///< false where the legs cannot reach; q is then continued past its limits
+};
+
+/// Descriptor of a kind of parallel mechanism, searched in w with closed-form inverse kinematics.
+struct DeviceKind {
+    std::string name;
+    std::vector<std::string> configuration_names;  ///< one per component of w, for example "theta"
+    std::vector<bool> configuration_is_length;     ///< metres rather than radians
+    std::vector<std::string> geometry_names;       ///< all lengths [m]
+    int joint_count = 0;
+    Coordinates configuration_min, configuration_max;  ///< box of w in which the search stays
+    Coordinates configuration_scale;               ///< typical size of each component
+    DeviceModel (*defaults)() = nullptr;
+    Platform (*platform)(const DeviceModel&, const Coordinates& w) = nullptr;
+    Joints (*joints)(const DeviceModel&, const Coordinates& w) = nullptr;
+};
+
+/// Kind by name; nullptr if there is none.
+const DeviceKind* find_kind(const std::string& name);
+/// All names, for messages.
+std::vector<std::string> kind_names();
+
+/// What is wrong with a device's numbers, in sentences that name the numbers that clash.
+std::vector<std::string> validate(const DeviceModel& model);
+
+/// C(q(w)) of Perez et al. 2017, Eq. 2: distances of each joint from its lower and upper limit [rad],
+/// [2 x joints], all >= 0 inside the workspace.
+Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * max_device_dimension, 1> joint_margins(const DeviceModel& model,
+                                                                                       const Coordinates& q);
+/// Whether w can be reached: legs close and all joints are inside their limits.
+bool inside_workspace(const DeviceModel& model, const Coordinates& w, double tolerance = 0);
+
+}  // namespace palpate

@@ -1,0 +1,20 @@
+#pragma once
+// What speaks to a servo controller.
+
+#include "devices/device.h"
+
+namespace palpate {
+
+enum class DriverStatus { ok, fault };
+
+/// One thimble's servos. Calls must return at once; whatever waits belongs into a thread of the driver.
+class Driver {
+  public:
+    virtual ~Driver() = default;
+    /// Commands joint angles [rad] at time `now` [s].
+    virtual DriverStatus send(const Coordinates& q, double now) = 0;
+    /// Angles that the servos are at, as far as the driver knows [rad].
+    virtual Coordinates actual(double now) = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,71 @@
+#include "devices/drivers/simulated.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+std::vector<std::string> ServoModel::validate() const {
+    std::vector<std::string> wrong;
+    if (!(pulse_step_us > 0 && pulse_step_us <= 50)) wrong.emplace_back("pulse_step_us must be between 0 and 50");
+    if (!(us_per_rad > 50 && us_per_rad < 5000)) wrong.emplace_back("us_per_rad must be between 50 and 5000");
+    if (!(min_us < neutral_us && neutral_us < max_us)) wrong.emplace_back("the neutral pulse must lie between the shortest and the longest");
+    if (!(delay_s >= 0 && delay_s < 1)) wrong.emplace_back("the servo delay must be between 0 and 1000 ms");
+    if (!(slew_rad_per_s > 0.1 && slew_rad_per_s < 100)) wrong.emplace_back("the servo's slew rate must be between 0.1 and 100 rad/s");
+    return wrong;
+}
+
+namespace {
+
+class SimulatedDriver final : public Driver {
+  public:
+    SimulatedDriver(const ServoModel& servo, const Coordinates& start) : servo_(servo), angle_(start) {
+        for (auto& pulse : pulses_) pulse = {-1e9, start};
+    }
+
+    DriverStatus send(const Coordinates& q, double now) override {
+        advance(now);
+        Coordinates target(q.size());
+        for (int i = 0; i < q.size(); ++i) {
+            const double us = std::clamp(servo_.neutral_us + servo_.us_per_rad * q[i], servo_.min_us, servo_.max_us);
+            target[i] = (std::round(us / servo_.pulse_step_us) * servo_.pulse_step_us - servo_.neutral_us) / servo_.us_per_rad;
+        }
+        pulses_[next_] = {now + servo_.delay_s, target};
+        next_ = (next_ + 1) % pulses_.size();
+        return DriverStatus::ok;
+    }
+
+    Coordinates actual(double now) override {
+        advance(now);
+        return angle_;
+    }
+
+  private:
+    struct Pulse { double due; Coordinates target; };
+
+    /// Moves the shafts towards the newest pulse that is due.
+    void advance(double now) {
+        const double dt = std::max(0.0, now - time_);
+        time_ = std::max(time_, now);
+        const Pulse* newest = nullptr;
+        for (const Pulse& p : pulses_)
+            if (p.due <= now && (!newest || p.due > newest->due)) newest = &p;
+        if (!newest) return;
+        for (int i = 0; i < angle_.size(); ++i)
+            angle_[i] += std::clamp(newest->target[i] - angle_[i], -servo_.slew_rad_per_s * dt, servo_.slew_rad_per_s * dt);
+    }
+
+    ServoModel servo_;
+    Coordinates angle_;
+    std::array<Pulse, 8> pulses_;
+    std::size_t next_ = 0;
+    double time_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Driver> make_simulated_driver(const ServoModel& servo, const Coordinates& start) {
+    return std::make_unique<SimulatedDriver>(servo, start);
+}
+
+}  // namespace palpate

@@ -1,0 +1,138 @@
+// The 3-RRS thimble of Chinello et al., with the kinematics of Perez et al. 2017, Eqs. 6-13, as written
+// there. Configuration w = (theta, psi, dz): pitch about y, roll about x, height of the platform.
+
+#include <cmath>
+#include <numbers>
+
+#include "devices/device.h"
+
+namespace palpate {
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+enum Geometry { fixed_radius, fixed_half, mobile_radius, mobile_half, crank, link };
+
+/// Rotation R = Rx(psi) Ry(theta) Rz(phi); the yaw phi is what the three legs leave (Eq. 7).
+struct Rotation {
+    Matrix3d R, dtheta, dpsi;
+};
+
+Rotation rotation(double theta, double psi) {
+    const double ct = std::cos(theta), st = std::sin(theta), cp = std::cos(psi), sp = std::sin(psi);
+    const double N = -sp * st, D = ct + cp;  // tan(phi) = N / D
+    const double phi = std::atan2(N, D), r2 = N * N + D * D;
+    const double phi_theta = (D * (-sp * ct) - N * (-st)) / r2, phi_psi = (D * (-cp * st) - N * (-sp)) / r2;
+    const double cf = std::cos(phi), sf = std::sin(phi);
+    Matrix3d X, dX, Y, dY, Z, dZ;
+    X << 1, 0, 0, 0, cp, -sp, 0, sp, cp;
+    dX << 0, 0, 0, 0, -sp, -cp, 0, cp, -sp;
+    Y << ct, 0, st, 0, 1, 0, -st, 0, ct;
+    dY << -st, 0, ct, 0, 0, 0, -ct, 0, -st;
+    Z << cf, -sf, 0, sf, cf, 0, 0, 0, 1;
+    dZ << -sf, -cf, 0, cf, -sf, 0, 0, 0, 0;
+    return {X * Y * Z, X * dY * Z + X * Y * dZ * phi_theta, dX * Y * Z + X * Y * dZ * phi_psi};
+}
+
+/// Eq. 6: the platform moves sideways as it tilts; p = (b (R11 - R22) / 2, -b R21, dz).
+Platform platform(const DeviceModel& model, const Coordinates& w) {
+    const double b = model.geometry[mobile_radius];
+    const Rotation r = rotation(w[0], w[1]);
+    auto sideways = [&](const Matrix3d& R) { return Vector3d(0.5 * b * (R(0, 0) - R(1, 1)), -b * R(1, 0), 0); };
+    Platform p;
+    p.rotation = r.R;
+    p.centre = sideways(r.R) + Vector3d(0, 0, w[2]);
+    p.normal = -r.R.col(2);
+    p.dcentre.resize(3, 3);
+    p.dcentre << sideways(r.dtheta), sideways(r.dpsi), Vector3d::UnitZ();
+    p.dnormal.resize(3, 3);
+    p.dnormal << -r.dtheta.col(2), -r.dpsi.col(2), Vector3d::Zero();
+    return p;
+}
+
+/// acos with its derivative, continued linearly near and beyond +-1, so that poses the legs cannot
+/// reach give joints past their limits instead of NaN.
+struct Arc { double value, slope; };
+Arc extended_acos(double c) {
+    constexpr double edge = 1 - 1e-6;
+    const double inside = std::min(edge, std::max(-edge, c));
+    const double slope = -1 / std::sqrt(1 - inside * inside);
+    return {std::acos(inside) + slope * (c - inside), slope};
+}
+
+/// Seats of leg i on the fixed (A) and mobile (B) platform, each in its own frame.
+void seats(const DeviceModel& m, int leg, Vector3d& A, Vector3d& B) {
+    auto seat = [&](double radius, double half) {
+        if (leg == 0) return Vector3d(radius, 0, 0);
+        const double x = std::sqrt(std::max(0.0, radius * radius - half * half));
+        return Vector3d(-x, leg == 1 ? -half : half, 0);
+    };
+    A = seat(m.geometry[fixed_radius], m.geometry[fixed_half]);
+    B = seat(m.geometry[mobile_radius], m.geometry[mobile_half]);
+}
+
+/// Eqs. 10-13: q_i = beta_i - gamma_i, beta the angle between A_i and the leg's chord d = B_i - A_i,
+/// gamma by the law of cosines in the triangle of crank, link and chord.
+Joints joints(const DeviceModel& model, const Coordinates& w) {
+    const Platform p = platform(model, w);
+    const Rotation r = rotation(w[0], w[1]);
+    const double l = model.geometry[crank], L = model.geometry[link];
+    Joints out;
+    out.q.resize(3);
+    out.dq.resize(3, 3);
+    for (int leg = 0; leg < 3; ++leg) {
+        Vector3d A, B;
+        seats(model, leg, A, B);
+        const Vector3d d = p.centre + r.R * B - A;
+        Eigen::Matrix3d dd = p.dcentre;  // derivative of d
+        dd.col(0) += r.dtheta * B;
+        dd.col(1) += r.dpsi * B;
+        const double length = d.norm(), a = A.norm();
+        const double cos_beta = A.dot(d) / (a * length), cos_gamma = (l * l + length * length - L * L) / (2 * l * length);
+        const Arc beta = extended_acos(cos_beta), gamma = extended_acos(cos_gamma);
+        out.closed = out.closed && std::abs(cos_gamma) <= 1;
+        out.q[leg] = beta.value - gamma.value;
+        const Vector3d dcos_beta = A / (a * length) - cos_beta / (length * length) * d;
+        const double dcos_gamma = (1 - (l * l - L * L) / (length * length)) / (2 * l);  // by the chord's length
+        out.dq.row(leg) = (beta.slope * dcos_beta - gamma.slope * dcos_gamma / length * d).transpose() * dd;
+    }
+    return out;
+}
+
+constexpr double degree = std::numbers::pi / 180;
+
+DeviceModel defaults() {
+    DeviceModel m;
+    m.kind = find_kind("chinello-3rrs");
+    m.geometry = {0.015, 0.005, 0.020, 0.0105, 0.010, 0.025};
+    m.joint_min = Coordinates::Constant(3, -35.139 * degree);
+    m.joint_max = Coordinates::Constant(3, 37.771 * degree);
+    m.rest = Eigen::Vector3d(0, 0, 0.0290);
+    // Above the nail, z towards the pad; the pad of a 14 mm finger (z = -8 mm) lies at dz = 23.5 mm.
+    m.mount.linear() << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+    m.mount.translation() << 0.0025, 0, 0.0155;
+    return m;
+}
+
+}  // namespace
+
+const DeviceKind& chinello_3rrs() {
+    static const DeviceKind kind{
+        .name = "chinello-3rrs",
+        .configuration_names = {"theta", "psi", "dz"},
+        .configuration_is_length = {false, false, true},
+        .geometry_names = {"fixed_radius", "fixed_half", "mobile_radius", "mobile_half", "crank", "link"},
+        .joint_count = 3,
+        .configuration_min = Eigen::Vector3d(-60 * degree, -60 * degree, 0.005),
+        .configuration_max = Eigen::Vector3d(60 * degree, 60 * degree, 0.045),
+        .configuration_scale = Eigen::Vector3d(0.3, 0.3, 0.004),
+        .defaults = defaults,
+        .platform = platform,
+        .joints = joints,
+    };
+    return kind;
+}
+
+}  // namespace palpate

@@ -1,0 +1,117 @@
+#include "devices/loop.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace palpate {
+
+std::vector<std::string> SlewLimits::validate() const {
+    std::vector<std::string> wrong;
+    if (!(velocity > 0.01 && velocity <= 50)) wrong.emplace_back("the slew velocity must be between 0.01 and 50 rad/s");
+    if (!(acceleration > 0.1 && acceleration <= 10000)) wrong.emplace_back("the slew acceleration must be between 0.1 and 10000 rad/s^2");
+    return wrong;
+}
+
+const char* name(ThimbleMode mode) {
+    switch (mode) {
+        case ThimbleMode::following: return "following";
+        case ThimbleMode::holding: return "holding";
+        case ThimbleMode::resting: return "resting";
+        case ThimbleMode::fault: return "fault";
+    }
+    return "unknown";
+}
+
+namespace {
+
+/// Largest speed from which braking by `acceleration`, a whole period each time, ends within `distance`.
+double braking_speed(double distance, double acceleration, double dt) {
+    return acceleration * dt * (std::sqrt(0.25 + 2 * distance / (acceleration * dt * dt)) - 0.5);
+}
+
+}  // namespace
+
+int limit_command(const Coordinates& target, const Coordinates& min, const Coordinates& max, const SlewLimits& limits,
+                  double dt, Coordinates& q, Coordinates& velocity) {
+    int altered = 0;
+    for (int i = 0; i < q.size(); ++i) {
+        if (!std::isfinite(q[i])) q[i] = 0.5 * (min[i] + max[i]), velocity[i] = 0;  // memory was damaged
+        if (!std::isfinite(velocity[i])) velocity[i] = 0;
+        const bool usable = i < target.size() && std::isfinite(target[i]);
+        const double wanted = usable ? std::clamp(target[i], min[i], max[i]) : std::clamp(q[i], min[i], max[i]);
+        if (!usable || wanted != target[i]) ++altered;
+        const double distance = std::abs(wanted - q[i]);
+        const double speed = std::min({limits.velocity, braking_speed(distance, limits.acceleration, dt), distance / dt});
+        const double v = std::clamp(std::copysign(speed, wanted - q[i]), velocity[i] - limits.acceleration * dt,
+                                    velocity[i] + limits.acceleration * dt);
+        const double next = std::clamp(q[i] + std::clamp(v, -limits.velocity, limits.velocity) * dt, min[i], max[i]);
+        velocity[i] = (next - q[i]) / dt;
+        q[i] = next;
+    }
+    return altered;
+}
+
+void initialise(ThimbleLoop& loop, const DeviceModel& model, const ThimbleLoopSettings& settings,
+                std::unique_ptr<Driver> driver) {
+    std::vector<std::string> wrong = validate(model);
+    for (auto& w : settings.limits.validate()) wrong.push_back(w);
+    if (!(settings.period >= 0.001 && settings.period <= 1)) wrong.emplace_back("the period must be between 1 and 1000 ms");
+    if (!driver) wrong.emplace_back("a thimble needs a driver");
+    if (!wrong.empty()) {
+        std::string all;
+        for (const auto& w : wrong) all += w + "\n";
+        throw std::invalid_argument(all);
+    }
+    loop.model = model;
+    loop.settings = settings;
+    loop.driver = std::move(driver);
+    loop.rest_q = model.kind->joints(model, model.rest).q;
+    loop.q = loop.rest_q;
+    loop.velocity = Coordinates::Zero(loop.q.size());
+}
+
+bool tick(ThimbleLoop& loop, double now) {
+    const double period = loop.settings.period;
+    if (now < loop.next_tick - 1e-9) return false;
+    ThimbleStatus& s = loop.status;
+    const double lateness = s.ticks ? now - loop.next_tick : 0;
+    s.worst_lateness = std::max(s.worst_lateness, lateness);
+    const double missed = s.ticks ? std::floor(lateness / period) : 0;
+    s.misses += std::int64_t(missed);
+    loop.next_tick = (s.ticks ? loop.next_tick + missed * period : now) + period;
+    ++s.ticks;
+
+    ThimbleCommand command;
+    if (loop.mailbox.take(command) && command.valid && command.q.size() == loop.q.size()) loop.newest = command;
+    s.age = loop.newest.valid ? now - loop.newest.time : HUGE_VAL;
+    if (s.mode != ThimbleMode::fault) {
+        const ThimbleMode wanted = loop.parked || s.age > loop.settings.rest_after ? ThimbleMode::resting
+                                   : s.age > loop.settings.hold_after              ? ThimbleMode::holding
+                                                                                   : ThimbleMode::following;
+        if (wanted != ThimbleMode::following && s.mode == ThimbleMode::following) ++s.stale;
+        s.mode = wanted;
+    }
+    const Coordinates target = s.mode == ThimbleMode::following ? loop.newest.q
+                               : s.mode == ThimbleMode::resting ? loop.rest_q
+                                                                : loop.q;
+    s.altered += limit_command(target, loop.model.joint_min, loop.model.joint_max, loop.settings.limits, period, loop.q, loop.velocity);
+    if (s.mode == ThimbleMode::fault) return true;
+    if (loop.driver->send(loop.q, now) == DriverStatus::fault) {
+        s.mode = ThimbleMode::fault;  // latched until rearm
+        ++s.faults;
+    }
+    return true;
+}
+
+void park(ThimbleLoop& loop) { loop.parked = true; }
+
+void rearm(ThimbleLoop& loop, double now) {
+    const Coordinates actual = loop.driver->actual(now);
+    if (actual.size() == loop.q.size() && actual.allFinite()) loop.q = actual;
+    loop.velocity.setZero();
+    loop.newest = {};
+    loop.status.mode = ThimbleMode::resting;
+}
+
+}  // namespace palpate

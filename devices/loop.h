@@ -1,0 +1,80 @@
+#pragma once
+// The outer loop of a thimble: 50 times a second it takes the newest configuration from its mailbox and
+// sends joint angles that are finite, in range and slew-limited, whatever came in.
+
+#include <cstdint>
+#include <memory>
+
+#include "devices/device.h"
+#include "devices/drivers/driver.h"
+#include "devices/mailbox.h"
+
+namespace palpate {
+
+/// What the step publishes for a thimble.
+struct ThimbleCommand {
+    double time = 0;   ///< simulation time of the solve [s]
+    Coordinates q;     ///< joint angles wanted [rad]
+    bool valid = false;///< false: the solve failed; counts as no solve
+};
+
+struct SlewLimits {
+    double velocity = 6.0;        ///< [rad/s]; a hobby servo does 60 degrees in 0.1 to 0.2 s
+    double acceleration = 200.0;  ///< [rad/s^2]
+    std::vector<std::string> validate() const;
+};
+
+/// The last function before the wire. From the angles and speeds sent last, one period of dt towards
+/// `target`: always finite, inside [min, max], inside the limits, and able to stop in time.
+/// Returns the number of joints whose target had to be altered for range or was not finite.
+int limit_command(const Coordinates& target, const Coordinates& min, const Coordinates& max, const SlewLimits& limits,
+                  double dt, Coordinates& q, Coordinates& velocity);
+
+struct ThimbleLoopSettings {
+    double period = 0.020;          ///< [s]
+    double hold_after = 0.060;      ///< no valid solve for this long: hold [s]
+    double rest_after = 0.120;      ///< then slew to the rest configuration [s]
+    double rest_within = 0.500;     ///< time allowed to reach it [s]
+    SlewLimits limits;
+};
+
+enum class ThimbleMode { following, holding, resting, fault };
+const char* name(ThimbleMode mode);
+
+struct ThimbleStatus {
+    ThimbleMode mode = ThimbleMode::resting;
+    std::int64_t ticks = 0, misses = 0, altered = 0, faults = 0, stale = 0;
+    double worst_lateness = 0;      ///< [s]
+    double age = 0;                 ///< of the newest valid command [s]
+};
+
+/// State of one thimble's loop. Plain data; `tick` advances it.
+struct ThimbleLoop {
+    DeviceModel model;
+    ThimbleLoopSettings settings;
+    std::unique_ptr<Driver> driver;
+    Mailbox<ThimbleCommand> mailbox;
+    ThimbleCommand newest;
+    Coordinates q, velocity;        ///< sent last [rad], [rad/s]
+    Coordinates rest_q;             ///< joint angles of the rest configuration
+    double next_tick = 0;           ///< [s]
+    double resting_since = -1;
+    bool parked = false;            ///< shutting down: rest pose whatever comes in
+    ThimbleStatus status;
+};
+
+/// Starts at rest. Throws std::invalid_argument with sentences where the device or the settings are wrong.
+void initialise(ThimbleLoop& loop, const DeviceModel& model, const ThimbleLoopSettings& settings,
+                std::unique_ptr<Driver> driver);
+
+/// Runs the loop up to time `now` [s]: at most one tick, and missed ones are counted, not caught up.
+/// Returns true if it ticked.
+bool tick(ThimbleLoop& loop, double now);
+
+/// From now on the rest pose is commanded.
+void park(ThimbleLoop& loop);
+
+/// Clears a latched fault, from the driver's actual angles. The only way out of `fault`.
+void rearm(ThimbleLoop& loop, double now);
+
+}  // namespace palpate

@@ -1,0 +1,265 @@
+#include "devices/matching.h"
+
+#include <nlopt.h>
+
+#include <cmath>
+#include <memory>
+
+namespace palpate {
+
+namespace {
+
+constexpr double mm2 = 1e6;  // objective in mm^2
+
+double smoothing_value(const DeviceModel& model, const MatchingSettings& settings, const Coordinates& previous,
+                       const Coordinates& w, Coordinates& gradient) {
+    // A little of it always: where a single point touches, the tilt is otherwise free.
+    const double weight = settings.smoothing + 1e-6;
+    const Coordinates d = (w - previous).cwiseQuotient(model.kind->configuration_scale);
+    gradient += 2 * weight * d.cwiseQuotient(model.kind->configuration_scale);
+    return weight * d.squaredNorm();
+}
+
+}  // namespace
+
+MatchingObjective matching_objective(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                                     const MatchingSettings& settings, const Coordinates& previous,
+                                     const Coordinates& w) {
+    const Platform platform = model.kind->platform(model, w);
+    MatchingObjective f{0, Coordinates::Zero(w.size())};
+    for (const MatchingPoint& point : points) {
+        if (!point.touches && !settings.non_contact) continue;
+        const DiskDistance d = point.touches ? disk_distance(point.position, platform, model.disk_radius)
+                                             : cone_distance(point.position, platform, model.disk_radius);
+        const double excess = point.touches ? d.value : d.value - model.clearance;
+        if (!point.touches && excess >= 0) continue;
+        f.value += mm2 * excess * excess;
+        f.gradient += 2 * mm2 * excess * (platform.dcentre.transpose() * d.dcentre + platform.dnormal.transpose() * d.dnormal);
+    }
+    f.value += smoothing_value(model, settings, previous, w, f.gradient);
+    return f;
+}
+
+namespace {
+
+/// One SLSQP problem in scaled variables u = w / scale, guarded against the solver's known failures:
+/// it may return infeasible or non-finite points, so the best feasible one is kept here.
+struct Problem {
+    const DeviceModel* model;
+    const std::vector<MatchingPoint>* points = nullptr;  ///< null: project onto the workspace
+    const MatchingSettings* settings = nullptr;
+    Coordinates previous;     ///< warm start, or the configuration to project
+    bool constrained = true;
+    nlopt_opt optimiser = nullptr;
+    Coordinates best;         ///< best feasible w so far
+    double best_value = HUGE_VAL;
+    int evaluations = 0;
+
+    Coordinates unscaled(const double* u) const {
+        return Eigen::Map<const Coordinates>(u, previous.size()).cwiseProduct(model->kind->configuration_scale);
+    }
+    MatchingObjective objective(const Coordinates& w) const {
+        if (points) return matching_objective(*model, *points, *settings, previous, w);
+        const Coordinates d = (w - previous).cwiseQuotient(model->kind->configuration_scale);
+        return {d.squaredNorm(), 2 * d.cwiseQuotient(model->kind->configuration_scale)};
+    }
+    void offer(const Coordinates& w, double value) {
+        if (std::isfinite(value) && value < best_value && (!constrained || inside_workspace(*model, w, 1e-7)))
+            best = w, best_value = value;
+    }
+};
+
+double objective_callback(unsigned n, const double* u, double* gradient, void* data) {
+    Problem& p = *static_cast<Problem*>(data);
+    const Coordinates w = p.unscaled(u);
+    const MatchingObjective f = p.objective(w);
+    ++p.evaluations;
+    if (!std::isfinite(f.value) || !f.gradient.allFinite()) {
+        nlopt_force_stop(p.optimiser);
+        if (gradient) std::fill(gradient, gradient + n, 0.0);
+        return HUGE_VAL;
+    }
+    p.offer(w, f.value);
+    if (gradient) Eigen::Map<Coordinates>(gradient, n) = f.gradient.cwiseProduct(p.model->kind->configuration_scale);
+    return f.value;
+}
+
+/// NLopt wants constraints <= 0: minus C(q(w)).
+void constraint_callback(unsigned m, double* result, unsigned n, const double* u, double* gradient, void* data) {
+    Problem& p = *static_cast<Problem*>(data);
+    const Joints joints = p.model->kind->joints(*p.model, p.unscaled(u));
+    const auto margins = joint_margins(*p.model, joints.q);
+    for (unsigned i = 0; i < m; ++i) result[i] = -margins[i];
+    if (!gradient) return;
+    const unsigned half = m / 2;
+    for (unsigned i = 0; i < m; ++i)
+        for (unsigned k = 0; k < n; ++k)
+            gradient[i * n + k] = (i < half ? -1 : 1) * joints.dq(i % half, k) * p.model->kind->configuration_scale[k];
+}
+
+nlopt_result run(Problem& p, const Coordinates& start, double tolerance, int evaluations) {
+    const DeviceKind& kind = *p.model->kind;
+    const unsigned n = unsigned(start.size());
+    const std::unique_ptr<std::remove_pointer_t<nlopt_opt>, void (*)(nlopt_opt)> owner(nlopt_create(NLOPT_LD_SLSQP, n), nlopt_destroy);
+    p.optimiser = owner.get();
+    if (!p.optimiser) return NLOPT_OUT_OF_MEMORY;
+    const Coordinates low = kind.configuration_min.cwiseQuotient(kind.configuration_scale);
+    const Coordinates high = kind.configuration_max.cwiseQuotient(kind.configuration_scale);
+    Coordinates u = start.cwiseQuotient(kind.configuration_scale).cwiseMax(low).cwiseMin(high);
+    nlopt_set_lower_bounds(p.optimiser, low.data());
+    nlopt_set_upper_bounds(p.optimiser, high.data());
+    nlopt_set_min_objective(p.optimiser, objective_callback, &p);
+    if (p.constrained) {
+        const Eigen::Matrix<double, 2 * max_device_dimension, 1> tolerances = Eigen::Matrix<double, 2 * max_device_dimension, 1>::Constant(1e-9);
+        nlopt_add_inequality_mconstraint(p.optimiser, 2 * unsigned(kind.joint_count), constraint_callback, &p, tolerances.data());
+    }
+    nlopt_set_xtol_abs1(p.optimiser, tolerance);
+    nlopt_set_ftol_rel(p.optimiser, tolerance * tolerance);
+    nlopt_set_maxeval(p.optimiser, evaluations);
+    double value = 0;
+    return nlopt_optimize(p.optimiser, u.data(), &value);
+}
+
+MatchingResult finish(const DeviceModel& model, const std::vector<MatchingPoint>& points, const MatchingSettings& settings,
+                      const Coordinates& previous, const Coordinates& w, MatchingStatus status, int evaluations) {
+    MatchingResult r;
+    r.w = w;
+    r.status = status;
+    r.evaluations = evaluations;
+    r.q = model.kind->joints(model, w).q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
+    r.residual = matching_objective(model, points, settings, previous, w).value;
+    r.constraint_active = joint_margins(model, r.q).minCoeff() < 1e-5;
+    const Platform platform = model.kind->platform(model, w);
+    double sum = 0;
+    int count = 0;
+    for (const MatchingPoint& p : points)
+        if (p.touches) {
+            const double d = disk_distance(p.position, platform, model.disk_radius).value;
+            sum += d * d, ++count;
+        }
+    r.rms_m = count ? std::sqrt(sum / count) : 0;
+    return r;
+}
+
+/// True where there is something to match; otherwise `result` is the rest configuration or, for
+/// positions that are not finite, the last one.
+bool has_contact(const DeviceModel& model, const std::vector<MatchingPoint>& points, const MatchingSettings& settings,
+                 const Coordinates& previous, MatchingResult& result) {
+    bool touches = false, sound = true;
+    for (const MatchingPoint& p : points) touches |= p.touches, sound &= p.position.allFinite();
+    if (!sound) {
+        result = finish(model, {}, settings, previous, previous, MatchingStatus::kept, 0);
+        return false;
+    }
+    if (!touches) result = finish(model, {}, settings, model.rest, model.rest, MatchingStatus::no_contact, 0);
+    return touches;
+}
+
+Coordinates usable_start(const DeviceModel& model, const Coordinates& previous) {
+    return previous.size() == model.rest.size() && inside_workspace(model, previous, 1e-7) ? previous : model.rest;
+}
+
+}  // namespace
+
+Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w) {
+    if (!w.allFinite()) return model.rest;
+    if (inside_workspace(model, w)) return w;
+    Problem p;
+    p.model = &model;
+    p.previous = w;
+    p.best = model.rest;
+    run(p, model.rest, 1e-8, 200);
+    return p.best;
+}
+
+MatchingResult match_constrained(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                                 const MatchingSettings& settings, const Coordinates& previous) {
+    MatchingResult result;
+    const Coordinates start = usable_start(model, previous);
+    if (!has_contact(model, points, settings, start, result)) return result;
+    Problem p;
+    p.model = &model;
+    p.points = &points;
+    p.settings = &settings;
+    p.previous = p.best = start;
+    const nlopt_result code = run(p, start, settings.tolerance, settings.evaluations);
+    const MatchingStatus status = code == NLOPT_MAXEVAL_REACHED ? MatchingStatus::budget
+                                  : p.best == start && code < 0 ? MatchingStatus::kept
+                                                                : MatchingStatus::matched;
+    return finish(model, points, settings, start, p.best, status, p.evaluations);
+}
+
+MatchingResult match_unconstrained(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                                   const MatchingSettings& settings, const Coordinates& previous) {
+    MatchingResult result;
+    const Coordinates start = usable_start(model, previous);
+    if (!has_contact(model, points, settings, start, result)) return result;
+    Problem p;
+    p.model = &model;
+    p.points = &points;
+    p.settings = &settings;
+    p.previous = p.best = start;
+    p.constrained = false;
+    const nlopt_result code = run(p, start, settings.tolerance, settings.evaluations);
+    const MatchingStatus status = code == NLOPT_MAXEVAL_REACHED ? MatchingStatus::budget : MatchingStatus::matched;
+    return finish(model, points, settings, start, project_to_workspace(model, p.best), status, p.evaluations);
+}
+
+MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                           const MatchingSettings& settings, const Coordinates& previous) {
+    MatchingResult result;
+    const Coordinates start = usable_start(model, previous);
+    if (!has_contact(model, points, settings, start, result)) return result;
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    int count = 0;
+    for (const MatchingPoint& p : points)
+        if (p.touches) centre += p.position, ++count;
+    centre /= count;
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    for (const MatchingPoint& p : points)
+        if (p.touches) covariance += (p.position - centre) * (p.position - centre).transpose();
+    // Where points leave a direction free, the platform stays level.
+    const double level = 1e-6 * covariance.trace() + 1e-12;
+    covariance.diagonal() += Eigen::Vector3d(level, level, 0);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    solver.computeDirect(covariance);
+    Eigen::Vector3d normal = solver.eigenvectors().col(0);
+    if (normal.z() > 0) normal = -normal;  // towards the finger
+
+    // Configuration with that normal, its plane through the centre of the points: Gauss-Newton.
+    Coordinates w = model.rest;
+    for (int i = 0; i < 20; ++i) {
+        const Platform platform = model.kind->platform(model, w);
+        constexpr double lever = 100;  // 10 mm off the plane weigh as much as one radian
+        Eigen::Matrix<double, 4, Eigen::Dynamic, 0, 4, max_device_dimension> J(4, w.size());
+        J.topRows<3>() = platform.dnormal;
+        J.row(3) = lever * normal.transpose() * platform.dcentre;
+        Eigen::Vector4d r;
+        r << platform.normal - normal, lever * normal.dot(platform.centre - centre);
+        DeviceJacobian H = J.transpose() * J;
+        H.diagonal().array() += 1e-12;
+        w -= Coordinates(H.ldlt().solve(J.transpose() * r));
+        w = w.cwiseMax(model.kind->configuration_min).cwiseMin(model.kind->configuration_max);
+    }
+    return finish(model, points, settings, start, project_to_workspace(model, w), MatchingStatus::matched, 1);
+}
+
+MatchingResult match(MatchingMethod method, const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                     const MatchingSettings& settings, const Coordinates& previous) {
+    switch (method) {
+        case MatchingMethod::constrained: return match_constrained(model, points, settings, previous);
+        case MatchingMethod::unconstrained: return match_unconstrained(model, points, settings, previous);
+        case MatchingMethod::plane: return match_plane(model, points, settings, previous);
+    }
+    return {};
+}
+
+bool parse_method(const std::string& name, MatchingMethod& method) {
+    if (name == "constrained") method = MatchingMethod::constrained;
+    else if (name == "unconstrained") method = MatchingMethod::unconstrained;
+    else if (name == "plane") method = MatchingMethod::plane;
+    else return false;
+    return true;
+}
+
+}  // namespace palpate

@@ -1,0 +1,85 @@
+#pragma once
+// Contact surface matching (Perez et al. 2017, Eqs. 1-5): the device configuration whose platform
+// touches the pad where the virtual object does.
+
+#include <string>
+#include <vector>
+
+#include "devices/device.h"
+
+namespace palpate {
+
+/// One pad sample as the matching sees it.
+struct MatchingPoint {
+    Eigen::Vector3d position;  ///< deformed, device frame [m]
+    bool touches = false;      ///< in C_O (true) or N_O (false)
+};
+
+/// Distance of a point to the platform, with derivatives with respect to its centre and normal.
+struct DiskDistance {
+    double value;                     ///< [m]
+    Eigen::Vector3d dcentre, dnormal;
+};
+
+/// Unsigned distance to the disk: to its interior or its rim.
+DiskDistance disk_distance(const Eigen::Vector3d& x, const Platform& platform, double radius);
+
+/// Signed distance to the disk extended as a truncated cone of 90 degrees behind it (interior, rim,
+/// cone); negative inside.
+DiskDistance cone_distance(const Eigen::Vector3d& x, const Platform& platform, double radius);
+
+struct MatchingSettings {
+    double tolerance = 1e-6;         ///< relative change of the scaled configuration at which SLSQP stops
+    int evaluations = 100;           ///< most evaluations of the objective
+    double smoothing = 0;            ///< weight of the distance from the last configuration [mm^2]
+    bool non_contact = true;         ///< include N_O (Eq. 3's second sum)
+};
+
+struct MatchingObjective {
+    double value;          ///< f(w) [mm^2]
+    Coordinates gradient;  ///< df/dw [mm^2 per rad or m]
+};
+
+/// Eq. 3 with the gradient of Eqs. 4 and 5, plus temporal smoothing about `previous`.
+MatchingObjective matching_objective(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                                     const MatchingSettings& settings, const Coordinates& previous,
+                                     const Coordinates& w);
+
+enum class MatchingMethod { constrained, unconstrained, plane };
+enum class MatchingStatus {
+    matched,      ///< solved
+    no_contact,   ///< nothing touches: the rest configuration
+    budget,       ///< evaluations spent; best feasible configuration kept
+    kept,         ///< no better feasible configuration was found; the last one is kept
+};
+
+struct MatchingResult {
+    Coordinates w, q;
+    MatchingStatus status = MatchingStatus::kept;
+    double residual = 0;        ///< f(w) at the result [mm^2]
+    double rms_m = 0;           ///< root of the mean squared distance of touching points to the disk [m]
+    int evaluations = 0;
+    bool constraint_active = false;  ///< a joint is at its limit
+};
+
+/// Workspace for one thimble; reused, so that a step does not allocate (SLSQP itself does).
+struct MatchingWorkspace {
+    std::vector<MatchingPoint> points;
+};
+
+/// Eq. 2: minimise f over w subject to C(q(w)) >= 0, from the warm start `previous`.
+MatchingResult match_constrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+/// Minimise f without joint limits, then project onto the workspace.
+MatchingResult match_unconstrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+/// Plane of least squares through C_O, then project onto the workspace.
+MatchingResult match_plane(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+/// One of the three.
+MatchingResult match(MatchingMethod, const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+
+/// The reachable configuration nearest to w, in scaled coordinates.
+Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w);
+
+/// Method by name ("constrained", "unconstrained", "plane"); false if there is none.
+bool parse_method(const std::string& name, MatchingMethod& method);
+
+}  // namespace palpate

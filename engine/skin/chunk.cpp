@@ -1,0 +1,176 @@
+#include "engine/skin/chunk.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <stdexcept>
+
+namespace palpate {
+
+std::vector<std::string> SolverSettings::validate() const {
+    std::vector<std::string> wrong;
+    auto need = [&](bool ok, const char* sentence) {
+        if (!ok) wrong.emplace_back(sentence);
+    };
+    need(std::isfinite(dt) && dt >= 1e-6 && dt <= 0.2, "the time step must be between 0.001 and 200 ms");
+    need(newton_iterations >= 1 && newton_iterations <= 10000, "newton_iterations must be between 1 and 10000");
+    need(tolerance > 0 && tolerance < 1, "tolerance must be between 0 and 1");
+    need(multiplier_tolerance > 0 && multiplier_tolerance < 1, "multiplier_tolerance must be between 0 and 1");
+    need(multiplier_gate > 0 && multiplier_gate <= 1e3, "multiplier_gate must be between 0 and 1000");
+    need(limit_tolerance >= 1e-8 && limit_tolerance <= 0.5, "limit_tolerance must be between 1e-8 and 0.5");
+    need(contact_tolerance >= 1e-10 && contact_tolerance <= 1e-2, "contact_tolerance must be between 1e-7 and 10 mm");
+    return wrong;
+}
+
+namespace {
+
+double value_at(const std::vector<double>& values, std::size_t i) {
+    return values.size() == 1 ? values[0] : values.at(i);
+}
+
+/// Applies `visit` to every array of a chunk.
+template <class Chunk, class Visit>
+void for_each_array(Chunk& c, Visit visit) {
+    auto& r = c.rest;
+    for (auto* a : {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty,
+                    &r.mass, &r.bone_arm, &r.bone_stiffness, &r.contact_penalty, &r.rest_position})
+        visit(*a);
+    auto& s = c.state;
+    for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
+                    &s.tangential_multiplier, &s.friction_radius, &s.svd_guess, &s.penalty_scale})
+        visit(*a);
+    auto& w = c.scratch;
+    for (auto* a : {&w.start_position, &w.start_bone, &w.inertia_target, &w.bone_springs, &w.base_position,
+                    &w.base_bone, &w.gradient, &w.pending, &w.direction, &w.permuted, &w.blocks, &w.limit_candidate,
+                    &w.normal_candidate, &w.tangential_candidate, &w.svd})
+        visit(*a);
+}
+
+}  // namespace
+
+template <class T>
+void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
+                    bool has_friction, int object_count) {
+    const SkinTopology& t = *topology;
+    c.topology = std::move(topology);
+    c.width = width;
+    c.has_limits = has_limits;
+    c.slot_capacity = std::min(object_count, max_contact_slots);
+    c.has_friction = has_friction && c.slot_capacity > 0;
+    c.finger.assign(width, -1);
+    c.status.assign(width, {});
+    auto make = [&](LaneArray<T>& a, std::size_t n, T value = T(0)) { a.assign(n * width, value); };
+    const std::size_t E = t.elements.size(), N = t.node_count, B = t.bone_nodes.size();
+    const std::size_t S = t.samples.size(), contacts = S * c.slot_capacity, limits = has_limits ? E : 0;
+    const std::size_t frictions = c.has_friction ? contacts : 0, unknowns = N + 2;
+    auto& r = c.rest;
+    make(r.shape_gradients, 9 * E), make(r.volume, E), make(r.mu, E), make(r.lambda, E);
+    make(r.limit_low, limits), make(r.limit_high, limits), make(r.limit_penalty, limits);
+    make(r.mass, N), make(r.bone_arm, 3 * B), make(r.bone_stiffness, B), make(r.contact_penalty, S);
+    make(r.rest_position, 3 * N);
+    auto& s = c.state;
+    make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
+    make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
+    make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions);
+    make(s.svd_guess, 9 * E), make(s.penalty_scale, 1, T(1));
+    auto& w = c.scratch;
+    make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
+    make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);
+    make(w.gradient, 3 * unknowns), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * unknowns), make(w.permuted, 3 * unknowns);
+    make(w.blocks, 9 * std::size_t(t.pattern.block_count)), make(w.limit_candidate, 9 * limits);
+    make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions), make(w.svd, 9 * E);
+}
+
+namespace {
+
+/// Rest data of the elements of one lane; adds up the nodes' masses.
+template <class T>
+void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
+    const int W = c.width;
+    const SkinTopology& t = *c.topology;
+    auto node = [&](int i) { return Eigen::Map<const Eigen::Vector3d>(p.mesh->nodes[i].data()); };
+    std::vector<double> mass(t.node_count, 0.0);
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        const auto& tet = t.elements[e];
+        Eigen::Matrix3d D;
+        for (int a = 1; a < 4; ++a) D.col(a - 1) = node(tet[a]) - node(tet[0]);
+        const double volume = std::abs(D.determinant()) / 6;
+        const Eigen::Matrix3d G = D.inverse();
+        for (int i = 0; i < 9; ++i) c.rest.shape_gradients[(9 * e + i) * W + lane] = T(G(i / 3, i % 3));
+        c.rest.volume[e * W + lane] = T(volume);
+        const double E = value_at(p.young_modulus, e), nu = p.poisson_ratio;
+        c.rest.mu[e * W + lane] = T(E / (2 * (1 + nu)));
+        c.rest.lambda[e * W + lane] = T(E * nu / ((1 + nu) * (1 - 2 * nu)));
+        if (c.has_limits) {
+            // A finger without limits in a chunk with them gets bounds that are never met.
+            c.rest.limit_low[e * W + lane] = T(p.has_limits ? value_at(p.limit_low, e) : 1e-3);
+            c.rest.limit_high[e * W + lane] = T(p.has_limits ? value_at(p.limit_high, e) : 1e3);
+            c.rest.limit_penalty[e * W + lane] = T(p.limit_penalty_factor * E);
+        }
+        for (int a : tet) mass[a] += p.density * volume / 4;
+        for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
+    }
+    for (int i = 0; i < t.node_count; ++i) c.rest.mass[i * W + lane] = T(mass[i]);
+}
+
+}  // namespace
+
+template <class T>
+void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, const Pose<double>& bone) {
+    const SkinTopology& t = *c.topology;
+    const int W = c.width;
+    c.finger[lane] = finger;
+    c.used_lanes |= 1u << lane;
+    set_elements(c, lane, p);
+    for (std::size_t b = 0; b < t.bone_nodes.size(); ++b) {
+        for (int d = 0; d < 3; ++d)
+            c.rest.bone_arm[(3 * b + d) * W + lane] = T(p.mesh->nodes[t.bone_nodes[b]][d]);
+        c.rest.bone_stiffness[b * W + lane] = T(p.bone_attachment / double(t.bone_nodes.size()));
+    }
+    double volume = 0, E = 0;
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        volume += c.rest.volume[e * W + lane];
+        E += value_at(p.young_modulus, e) * c.rest.volume[e * W + lane];
+    }
+    const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
+    for (std::size_t s = 0; s < t.samples.size(); ++s)
+        c.rest.contact_penalty[s * W + lane] = T(p.contact_penalty_factor * E / volume * spacing);
+    for (int i = 0; i < t.node_count; ++i) {
+        const Point& r = p.mesh->nodes[i];
+        const Vec3<double> x = transform(bone, Vec3<double>{r[0], r[1], r[2]});
+        for (int d = 0; d < 3; ++d) {
+            c.rest.rest_position[(3 * i + d) * W + lane] = T(r[d]);
+            c.state.position[(3 * i + d) * W + lane] = T(x[d]);
+        }
+    }
+    const double b[7] = {bone.position.x, bone.position.y, bone.position.z, bone.rotation.w,
+                         bone.rotation.x, bone.rotation.y, bone.rotation.z};
+    for (int i = 0; i < 7; ++i) c.state.bone[i * W + lane] = T(b[i]);
+}
+
+template <class T>
+void fill_empty_lanes(SkinChunk<T>& c) {
+    const int W = c.width;
+    for_each_array(c, [&](LaneArray<T>& a) {
+        for (std::size_t i = 0; i + W <= a.size(); i += W)
+            for (int l = 0; l < W; ++l)
+                if (!((c.used_lanes >> l) & 1u)) a[i + l] = a[i];
+    });
+}
+
+template <class T>
+std::size_t memory_bytes(const SkinChunk<T>& c) {
+    std::size_t bytes = sizeof(c);
+    for_each_array(const_cast<SkinChunk<T>&>(c), [&](LaneArray<T>& a) { bytes += a.size() * sizeof(T); });
+    return bytes;
+}
+
+#define PALPATE_INSTANTIATE(T)                                                                             \
+    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int); \
+    template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);            \
+    template void fill_empty_lanes(SkinChunk<T>&);                                                          \
+    template std::size_t memory_bytes(const SkinChunk<T>&);
+PALPATE_INSTANTIATE(double)
+PALPATE_INSTANTIATE(float)
+#undef PALPATE_INSTANTIATE
+
+}  // namespace palpate

@@ -1,0 +1,290 @@
+#pragma once
+// One evaluation of the incremental potential of a chunk at its current positions: energy, gradient,
+// positive definite Newton matrix, contact forces, and how far multipliers are from their fixed point.
+
+#include "engine/bodies/pose_spring.h"
+#include "engine/contact/contact_terms.h"
+#include "engine/skin/block_cholesky.h"
+#include "engine/skin/chunk.h"
+#include "engine/skin/isotropic.h"
+
+namespace palpate {
+
+template <class R>
+struct Evaluation {
+    R energy{0};         ///< [J]
+    R residual{0};       ///< squared norm of the gradient [N^2]
+    R pending{0};        ///< squared norm of the change of nodal forces that a multiplier update would bring
+                         ///< [N^2]; stresses in equilibrium with themselves do not count
+    R violation{0};      ///< worst relative excess over a strain limit
+    R penetration{0};    ///< worst [m]
+    R contact_force{0};  ///< sum of normal forces [N]
+    R coupling_force{0}; ///< norm of the coupling's force [N]
+    R limited{0};        ///< elements with an active limit
+};
+
+namespace detail {
+
+template <class R>
+inline void add_block(ScalarOf<R>* blocks, int b, const Mat3<R>& K) {
+    ScalarOf<R>* p = blocks + static_cast<std::size_t>(b) * 9 * lane_width<R>;
+    store_mat3<R>(p, load_mat3<R>(p) + K);
+}
+template <class R>
+inline void add_vec3(ScalarOf<R>* p, const Vec3<R>& a) {
+    store_vec3<R>(p, load_vec3<R>(p) + a);
+}
+
+template <class R>
+inline Pose<R> load_pose(const ScalarOf<R>* p) {
+    constexpr int W = lane_width<R>;
+    return {load_vec3<R>(p), {load<R>(p + 3 * W), load<R>(p + 4 * W), load<R>(p + 5 * W), load<R>(p + 6 * W)}};
+}
+template <class R>
+inline void store_pose(ScalarOf<R>* p, const Pose<R>& pose) {
+    constexpr int W = lane_width<R>;
+    store_vec3<R>(p, pose.position);
+    store<R>(p + 3 * W, pose.rotation.w);
+    store<R>(p + 4 * W, pose.rotation.x);
+    store<R>(p + 5 * W, pose.rotation.y);
+    store<R>(p + 6 * W, pose.rotation.z);
+}
+
+/// Penalty of a strain limit: it grows with the multiplier, so that T keeps two positive singular
+/// values (svd3.h allows one negative) however strong the compression.
+template <class R>
+inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
+    R squared(0);
+    for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
+    return maximum(base, R(2) * square_root(squared) / low);
+}
+
+/// Strain limit of one element. Adds to P and blocks, writes the updated multiplier.
+template <class R>
+inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                             const Vec3<R> g[3], const R& volume, Mat3<R>& P, ElementBlocks<R>& blocks,
+                             Mat3<R>& change, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
+    const Vec3<R>& s = svd.sigma;
+    R excess(0);
+    for (int i = 0; i < 3; ++i) excess = maximum(maximum((s[i] - high) / high, (low - s[i]) / low), excess);
+    out.violation = maximum(excess, out.violation);
+
+    const Mat3<R> multiplier = load_mat3<R>(&c.state.limit_multiplier[9 * e * W]);
+    R largest(0);
+    for (int i = 0; i < 9; ++i) largest = maximum(absolute(multiplier.m[i / 3][i % 3]), largest);
+    const MaskOf<R> loaded = largest > R(0);
+    ScalarOf<R>* candidate = &c.scratch.limit_candidate[9 * e * W];
+    if (!any(loaded | (excess > R(0)))) {
+        store_mat3<R>(candidate, Mat3<R>::zero());
+        return;
+    }
+    const R k = limit_penalty(multiplier, low, load<R>(&c.rest.limit_penalty[e * W]) * load<R>(&c.state.penalty_scale[0]));
+    const Mat3<R> shift = (R(1) / k) * multiplier;
+    SignedSvd<R> shifted = svd;
+    if (any(loaded)) {
+        const SignedSvd<R> own = signed_svd(F + shift, svd.V);
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j) {
+                shifted.U[i][j] = select(loaded, own.U[i][j], svd.U[i][j]);
+                shifted.V[i][j] = select(loaded, own.V[i][j], svd.V[i][j]);
+            }
+            shifted.sigma[i] = select(loaded, own.sigma[i], svd.sigma[i]);
+        }
+    }
+    const PrincipalTerms<R> terms = strain_limit<Curvature::positive>(shifted.sigma, low, high, k);
+    const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
+    P = P + stress;
+    add_stiffness(shifted, terms, g, volume, blocks);
+    change = stress - multiplier;
+    R squared(0);
+    for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
+    out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
+    out.limited += select(dot(terms.stress, terms.stress) > R(0), R(1), R(0));
+    store_mat3<R>(candidate, stress);
+}
+
+/// Adds the nodal forces of an element's stress to an array [node][xyz].
+template <class R>
+inline void scatter_stress(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, const std::array<int, 4>& nodes,
+                           ScalarOf<R>* out) {
+    constexpr int W = lane_width<R>;
+    Vec3<R> gradient[4];
+    for (auto& v : gradient) v = {R(0), R(0), R(0)};
+    add_gradient(P, g, volume, gradient);
+    for (int a = 0; a < 4; ++a) add_vec3<R>(&out[3 * nodes[a] * W], gradient[a]);
+}
+
+/// Elasticity and strain limit of every element.
+template <class R>
+inline void add_elements(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        const auto& nodes = t.elements[e];
+        Vec3<R> x[4], g[3];
+        for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&c.state.position[3 * nodes[a] * W]);
+        for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
+        const R volume = load<R>(&c.rest.volume[e * W]);
+        const Mat3<R> F = deformation_gradient(x, g);
+        const SignedSvd<R> svd = signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W]));
+        store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
+
+        const auto elastic = corotational<Curvature::positive>(svd.sigma, load<R>(&c.rest.mu[e * W]),
+                                                               load<R>(&c.rest.lambda[e * W]));
+        out.energy += volume * elastic.energy;
+        Mat3<R> P = principal_to_matrix(svd, elastic.stress);
+        ElementBlocks<R> blocks;
+        for (auto& block : blocks.block) block = Mat3<R>::zero();
+        add_stiffness(svd, elastic, g, volume, blocks);
+        if (c.has_limits) {
+            Mat3<R> change = Mat3<R>::zero();
+            add_strain_limit(c, e, F, svd, g, volume, P, blocks, change, out);
+            scatter_stress(change, g, volume, nodes, c.scratch.pending.data());
+        }
+        scatter_stress(P, g, volume, nodes, c.scratch.gradient.data());
+        for (int k = 0; k < 10; ++k) add_block<R>(c.scratch.blocks.data(), t.element_block[e][k], blocks.block[k]);
+    }
+}
+
+/// Inertia of the nodes: |x - x^|^2 m / 2 dt^2.
+template <class R>
+inline void add_inertia(SkinChunk<ScalarOf<R>>& c, ScalarOf<R> inverse_dt2, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    for (int i = 0; i < t.node_count; ++i) {
+        const R w = R(inverse_dt2) * load<R>(&c.rest.mass[i * W]);
+        const Vec3<R> d = load_vec3<R>(&c.state.position[3 * i * W]) - load_vec3<R>(&c.scratch.inertia_target[3 * i * W]);
+        out.energy += R(ScalarOf<R>(0.5)) * w * dot(d, d);
+        add_vec3<R>(&c.scratch.gradient[3 * i * W], w * d);
+        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[i], w * Mat3<R>::identity());
+    }
+}
+
+/// The bone: springs to its targets, and the springs that carry the skin.
+template <class R>
+inline void add_bone(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    ScalarOf<R>* blocks = c.scratch.blocks.data();
+    const Pose<R> bone = load_pose<R>(c.state.bone.data());
+    Vec3<R> force{R(0), R(0), R(0)}, torque{R(0), R(0), R(0)};
+    R linear(0), angular(0), linear_skin(0);
+    for (int s = 0; s < bone_spring_count; ++s) {
+        const ScalarOf<R>* p = &c.scratch.bone_springs[9 * s * W];
+        const PoseSpring<R> spring{load<R>(p), load<R>(p + W), load_pose<R>(p + 2 * W)};
+        const PoseTerms<R> terms = pose_spring(spring, bone);
+        out.energy += terms.energy;
+        force += terms.force;
+        torque += terms.torque;
+        linear += terms.linear_curvature;
+        angular += terms.angular_curvature;
+        if (s == 0) out.coupling_force = norm(terms.force);
+    }
+    const Mat3<R> rotation = rotation_matrix(bone.rotation);
+    Mat3<R> cross = Mat3<R>::zero(), turn = angular * Mat3<R>::identity();
+    for (std::size_t b = 0; b < t.bone_nodes.size(); ++b) {
+        const int node = t.bone_nodes[b];
+        const R k = load<R>(&c.rest.bone_stiffness[b * W]);
+        const Vec3<R> arm = rotation * load_vec3<R>(&c.rest.bone_arm[3 * b * W]);
+        const BoneSpringTerms<R> terms =
+            bone_spring(load_vec3<R>(&c.state.position[3 * node * W]), bone.position, arm, k, false);
+        out.energy += terms.energy;
+        force -= terms.node_gradient;
+        torque += terms.omega_gradient;
+        linear_skin += k;
+        turn = turn + terms.omega_omega;
+        cross = cross - terms.omega_node;
+        add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.node_gradient);
+        const Mat3<R> kI = k * Mat3<R>::identity();
+        add_block<R>(blocks, t.diagonal_block[node], kI);
+        add_block<R>(blocks, t.bone_block[b][0], (-k) * Mat3<R>::identity());
+        add_block<R>(blocks, t.bone_block[b][1], terms.omega_node);
+    }
+    add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
+    add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
+    add_block<R>(blocks, t.diagonal_block[t.bone_position], (linear + linear_skin) * Mat3<R>::identity());
+    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], turn);
+    add_block<R>(blocks, t.bone_cross_block, cross);
+}
+
+/// Where a point of an object's surface at x was carried from: the motion of the object over the step.
+template <class R>
+inline Vec3<R> carried(const Pose<double>& motion, const Vec3<R>& x) {
+    using T = ScalarOf<R>;
+    const Quaternion<double>& q = motion.rotation;
+    const Pose<R> lanes{{R(T(motion.position.x)), R(T(motion.position.y)), R(T(motion.position.z))},
+                        {R(T(q.w)), R(T(q.x)), R(T(q.y)), R(T(q.z))}};
+    return transform(lanes, x);
+}
+
+/// Contact of every sample with every slot's object.
+template <class R>
+inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const R scale = load<R>(&c.state.penalty_scale[0]);
+    for (int slot = 0; slot < c.slot_capacity; ++slot) {
+        const ContactSlot& object = c.slots[slot];
+        if (object.object < 0) continue;
+        const bool friction = c.has_friction && object.friction > 0;
+        for (std::size_t s = 0; s < t.samples.size(); ++s) {
+            const int node = t.samples[s];
+            const std::size_t i = slot * t.samples.size() + s;
+            const Vec3<R> x = load_vec3<R>(&c.state.position[3 * node * W]);
+            const SurfacePoint<R> surface = surface_point(object.shape, object.pose, x);
+            ContactState<R> state{load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0)};
+            Vec3<R> slip{R(0), R(0), R(0)};
+            if (friction) {
+                state.tangential_multiplier = load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
+                state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
+                slip = x - carried(object.motion, load_vec3<R>(&c.scratch.start_position[3 * node * W]));
+            }
+            const R k = load<R>(&c.rest.contact_penalty[s * W]) * scale;
+            const ContactTerms<R> terms = contact_terms(surface, slip, k, state, friction);
+            const R change = terms.normal_force - state.normal_multiplier;
+            out.energy += terms.energy;
+            out.contact_force += terms.normal_force;
+            out.pending += change * change;
+            out.penetration = maximum(-surface.distance, out.penetration);
+            add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.gradient);
+            add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], terms.curvature);
+            store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
+            if (friction) {
+                const Vec3<R> dt = terms.tangential - state.tangential_multiplier;
+                const R dr = R(T(object.friction)) * terms.normal_force - state.friction_radius;
+                out.pending += dot(dt, dt) + dr * dr;
+                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W], terms.tangential);
+            }
+        }
+    }
+}
+
+}  // namespace detail
+
+template <class R>
+inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), T(0));
+    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
+    std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
+    Evaluation<R> out;
+    detail::add_elements(c, out);
+    if (settings.inertia) detail::add_inertia(c, T(1 / (settings.dt * settings.dt)), out);
+    detail::add_bone(c, out);
+    detail::add_contacts(c, out);
+    for (int i = 0; i < c.topology->node_count + 2; ++i) {
+        const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * i * W]);
+        out.residual += dot(g, g);
+    }
+    for (std::size_t i = 0; i < c.scratch.pending.size(); i += W) {
+        const R f = load<R>(&c.scratch.pending[i]);
+        out.pending += f * f;
+    }
+    return out;
+}
+
+}  // namespace palpate

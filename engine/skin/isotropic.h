@@ -1,0 +1,167 @@
+#pragma once
+// Isotropic energy densities of the deformation gradient, in the frame of its singular value
+// decomposition: elasticity, and the augmented Lagrangian of the strain limits. Value, gradient and
+// curvature stand side by side; `assemble_element` turns any of them into nodal forces and stiffness.
+
+#include <limits>
+
+#include "engine/skin/svd3.h"
+
+namespace palpate {
+
+/// How curvature is given: exact (what finite differences see) or with its negative eigenvalues
+/// removed, so that the Newton matrix is positive definite.
+enum class Curvature { exact, positive };
+
+/// Derivatives of an isotropic energy density Psi(F) with respect to the principal stretches.
+template <class R>
+struct PrincipalTerms {
+    R energy;           ///< Psi [J/m^3]
+    Vec3<R> stress;     ///< p_i = dPsi/dsigma_i [Pa]
+    Mat3<R> curvature;  ///< d2Psi/dsigma_i dsigma_j [Pa]
+    Vec3<R> flip;       ///< (p_i - p_j) / (sigma_i - sigma_j) for the pair opposite axis k [Pa]
+    Vec3<R> twist;      ///< (p_i + p_j) / (sigma_i + sigma_j) for the pair opposite axis k [Pa]
+};
+
+/// The two axes of the pair opposite axis k.
+inline constexpr int pair_of[3][2] = {{1, 2}, {2, 0}, {0, 1}};
+
+/// Psi = mu |S - I|^2 + lambda/2 tr(S - I)^2 with F = R S (Mueller & Gross 2004). sigma is signed
+/// (svd3.h), so that inverted elements are pushed back through their flattest direction.
+template <Curvature mode, class R>
+inline PrincipalTerms<R> corotational(const Vec3<R>& sigma, const R& mu, const R& lambda) {
+    const R one(1), two(2);
+    const Vec3<R> e{sigma.x - one, sigma.y - one, sigma.z - one};
+    const R trace = e.x + e.y + e.z;
+    PrincipalTerms<R> t;
+    t.energy = mu * dot(e, e) + R(ScalarOf<R>(0.5)) * lambda * trace * trace;
+    for (int i = 0; i < 3; ++i) {
+        t.stress[i] = two * mu * e[i] + lambda * trace;
+        for (int j = 0; j < 3; ++j) t.curvature[i][j] = i == j ? two * mu + lambda : lambda;
+        t.flip[i] = two * mu;
+    }
+    constexpr ScalarOf<R> floor = std::numeric_limits<ScalarOf<R>>::epsilon() * 8;
+    for (int k = 0; k < 3; ++k) {
+        const int i = pair_of[k][0], j = pair_of[k][1];
+        t.twist[k] = (t.stress[i] + t.stress[j]) / maximum(sigma[i] + sigma[j], R(floor));
+        if (mode == Curvature::positive) t.twist[k] = maximum(t.twist[k], R(0));
+    }
+    return t;
+}
+
+/// Bounds on the principal stretches as an augmented Lagrangian in the shifted deformation gradient
+/// T = F + Lambda/k (multiplier Lambda [Pa], penalty k [Pa]): Psi = k/2 dist(T, K)^2 with
+/// K = {T : low <= tau_i <= high}. It is isotropic in T, so the arguments are T's singular values.
+/// dPsi/dF = k (T - projection of T onto K), which is also the updated multiplier.
+template <Curvature mode, class R>
+inline PrincipalTerms<R> strain_limit(const Vec3<R>& tau, const R& low, const R& high, const R& k) {
+    constexpr ScalarOf<R> half(ScalarOf<R>(0.5));
+    PrincipalTerms<R> t;
+    Vec3<R> active;
+    t.energy = R(0);
+    t.curvature = Mat3<R>::zero();
+    for (int i = 0; i < 3; ++i) {
+        const R excess = tau[i] - clamp(tau[i], low, high);
+        t.stress[i] = k * excess;
+        active[i] = select(absolute(excess) > R(0), k, R(0));
+        t.curvature[i][i] = active[i];
+        t.energy += R(half) * k * excess * excess;
+    }
+    constexpr ScalarOf<R> eps = std::numeric_limits<ScalarOf<R>>::epsilon() * 64;
+    for (int a = 0; a < 3; ++a) {
+        const int i = pair_of[a][0], j = pair_of[a][1];
+        const R difference = tau[i] - tau[j];
+        const MaskOf<R> equal = absolute(difference) < R(eps);
+        t.flip[a] = select(equal, R(half) * (active[i] + active[j]),
+                           (t.stress[i] - t.stress[j]) / select(equal, R(1), difference));
+        t.twist[a] = (t.stress[i] + t.stress[j]) / maximum(tau[i] + tau[j], R(eps));
+        if (mode == Curvature::positive) t.twist[a] = clamp(t.twist[a], R(0), k);
+    }
+    return t;
+}
+
+/// First Piola-Kirchhoff stress of an isotropic energy: P = U diag(p) V^T [Pa].
+template <class R>
+inline Mat3<R> principal_to_matrix(const SignedSvd<R>& svd, const Vec3<R>& p) {
+    Mat3<R> UP = svd.U;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) UP.m[i][j] *= p[j];
+    return times_transposed(UP, svd.V);
+}
+
+/// Stiffness blocks of one element, K_ab = d2(volume Psi)/dx_a dx_b [N/m], for the node pairs
+/// (0,0) (1,0) (1,1) (2,0) (2,1) (2,2) (3,0) (3,1) (3,2) (3,3).
+template <class R>
+struct ElementBlocks {
+    Mat3<R> block[10];
+};
+inline constexpr int block_pair[10][2] = {{0, 0}, {1, 0}, {1, 1}, {2, 0}, {2, 1},
+                                          {2, 2}, {3, 0}, {3, 1}, {3, 2}, {3, 3}};
+
+namespace detail {
+/// One block in the SVD frame: rows in U, with ga and gb in V.
+template <class R>
+inline Mat3<R> principal_block(const PrincipalTerms<R>& t, const Vec3<R>& ga, const Vec3<R>& gb) {
+    const R half(ScalarOf<R>(0.5));
+    Mat3<R> K;
+    for (int i = 0; i < 3; ++i) K[i][i] = t.curvature[i][i] * ga[i] * gb[i];
+    for (int k = 0; k < 3; ++k) {
+        const int i = pair_of[k][0], j = pair_of[k][1];
+        const R direct = half * (t.flip[k] + t.twist[k]);   // coefficient of dF_ij^2 and dF_ji^2
+        const R crossed = half * (t.flip[k] - t.twist[k]);  // coefficient of dF_ij dF_ji
+        K[i][i] += direct * ga[j] * gb[j];
+        K[j][j] += direct * ga[i] * gb[i];
+        K[i][j] = t.curvature[i][j] * ga[i] * gb[j] + crossed * ga[j] * gb[i];
+        K[j][i] = t.curvature[i][j] * ga[j] * gb[i] + crossed * ga[i] * gb[j];
+    }
+    return K;
+}
+}  // namespace detail
+
+/// Adds the stiffness of one energy term to the element's blocks.
+/// `g` are the shape gradients of nodes 1..3 [1/m]; node 0's is minus their sum.
+template <class R>
+inline void add_stiffness(const SignedSvd<R>& svd, const PrincipalTerms<R>& terms, const Vec3<R> g[3],
+                          const R& volume, ElementBlocks<R>& out) {
+    Vec3<R> ghat[3];
+    for (int a = 0; a < 3; ++a) ghat[a] = transposed_times(svd.V, g[a]);
+    Mat3<R> K[3][3];
+    for (int a = 0; a < 3; ++a)
+        for (int b = 0; b <= a; ++b) {
+            const Mat3<R> local = detail::principal_block(terms, ghat[a], ghat[b]);
+            K[a][b] = volume * times_transposed(svd.U * local, svd.U);
+            if (a != b) K[b][a] = transpose(K[a][b]);
+        }
+    // Rows and columns of the 12x12 matrix sum to zero: rigid translations cost nothing.
+    const Mat3<R> row[3] = {K[0][0] + K[0][1] + K[0][2], K[1][0] + K[1][1] + K[1][2],
+                            K[2][0] + K[2][1] + K[2][2]};
+    Mat3<R>* block = out.block;
+    block[0] = block[0] + row[0] + row[1] + row[2];
+    block[1] = block[1] - row[0];
+    block[2] = block[2] + K[0][0];
+    block[3] = block[3] - row[1];
+    block[4] = block[4] + K[1][0];
+    block[5] = block[5] + K[1][1];
+    block[6] = block[6] - row[2];
+    block[7] = block[7] + K[2][0];
+    block[8] = block[8] + K[2][1];
+    block[9] = block[9] + K[2][2];
+}
+
+/// Adds dPsi/dx of an element with stress P to the gradients of its four nodes [N].
+template <class R>
+inline void add_gradient(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, Vec3<R> out[4]) {
+    for (int a = 0; a < 3; ++a) {
+        const Vec3<R> f = volume * (P * g[a]);
+        out[a + 1] += f;
+        out[0] -= f;
+    }
+}
+
+/// F = sum_a (x_a - x_0) g_a^T, shape gradients g of nodes 1..3.
+template <class R>
+inline Mat3<R> deformation_gradient(const Vec3<R> x[4], const Vec3<R> g[3]) {
+    return outer(x[1] - x[0], g[0]) + outer(x[2] - x[0], g[1]) + outer(x[3] - x[0], g[2]);
+}
+
+}  // namespace palpate

@@ -1,0 +1,292 @@
+#pragma once
+// The implicit step of one chunk: Newton on the augmented Lagrangian, each lane at its own pace.
+
+#include <limits>
+#include <tuple>
+
+#include "engine/skin/evaluate.h"
+
+namespace palpate {
+
+namespace detail {
+
+/// Targets of implicit Euler, the first guess, and multipliers carried along with the bone's turn.
+template <class R>
+inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const R dt = R(settings.inertia ? T(settings.dt) : T(0));
+    store<R>(c.state.penalty_scale.data(), maximum(R(T(0.7)) * load<R>(c.state.penalty_scale.data()), R(1)));
+    c.scratch.start_position = c.state.position;
+    c.scratch.start_bone = c.state.bone;
+    for (int i = 0; i < 3 * t.node_count; ++i)
+        store<R>(&c.state.position[i * W], load<R>(&c.state.position[i * W]) + dt * load<R>(&c.state.velocity[i * W]));
+    c.scratch.inertia_target = c.state.position;
+
+    Pose<R> bone = load_pose<R>(c.state.bone.data());
+    const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));
+    bone.position += dt * load_vec3<R>(c.state.bone_velocity.data());
+    bone.rotation = normalised(turn * bone.rotation);
+    store_pose<R>(c.state.bone.data(), bone);
+    if (!c.has_limits) return;
+    const Mat3<R> rotation = rotation_matrix(turn);
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        T* p = &c.state.limit_multiplier[9 * e * W];
+        store_mat3<R>(p, rotation * load_mat3<R>(p));
+    }
+}
+
+/// Copies the candidates of the last evaluation into the multipliers of the masked lanes.
+template <class R>
+inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    auto take = [&](LaneArray<T>& to, const LaneArray<T>& from, std::size_t begin, std::size_t count) {
+        for (std::size_t i = begin * W; i < (begin + count) * W; i += W)
+            store<R>(&to[i], select(lanes, load<R>(&from[i]), load<R>(&to[i])));
+    };
+    if (c.has_limits) take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
+    const std::size_t S = c.topology->samples.size();
+    for (int slot = 0; slot < c.slot_capacity; ++slot) {
+        if (c.slots[slot].object < 0) continue;
+        take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S);
+        const double friction = c.slots[slot].friction;
+        if (!c.has_friction || friction <= 0) continue;
+        take(c.state.tangential_multiplier, c.scratch.tangential_candidate, 3 * slot * S, 3 * S);
+        for (std::size_t i = slot * S * W; i < (slot + 1) * S * W; i += W) {
+            const R radius = R(T(friction)) * load<R>(&c.scratch.normal_candidate[i]);
+            store<R>(&c.state.friction_radius[i], select(lanes, radius, load<R>(&c.state.friction_radius[i])));
+        }
+    }
+}
+
+/// Newton direction -H^-1 g of every lane, and its slope g . d.
+template <class R>
+inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_pivots) {
+    constexpr int W3 = 3 * lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data());
+    for (int i = 0; i < t.node_count + 2; ++i)
+        store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
+    solve_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.permuted.data());
+    R slope(0);
+    for (int i = 0; i < t.node_count + 2; ++i) {
+        const Vec3<R> d = load_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3]);
+        slope += dot(d, load_vec3<R>(&c.scratch.gradient[i * W3]));
+        auto* p = &c.scratch.direction[i * W3];
+        store_vec3<R>(p, select(lanes, d, load_vec3<R>(p)));
+    }
+    return slope;
+}
+
+/// base <- current position in the masked lanes.
+template <class R>
+inline void keep_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
+    constexpr int W = lane_width<R>;
+    for (std::size_t i = 0; i < c.state.position.size(); i += W)
+        store<R>(&c.scratch.base_position[i],
+                 select(lanes, load<R>(&c.state.position[i]), load<R>(&c.scratch.base_position[i])));
+    for (std::size_t i = 0; i < c.state.bone.size(); i += W)
+        store<R>(&c.scratch.base_bone[i], select(lanes, load<R>(&c.state.bone[i]), load<R>(&c.scratch.base_bone[i])));
+}
+
+/// position <- base + alpha direction in the masked lanes; the bone turns by a rotation step.
+template <class R>
+inline void move_from_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& alpha) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    for (int i = 0; i < t.node_count; ++i) {
+        auto* x = &c.state.position[3 * i * W];
+        const Vec3<R> moved =
+            load_vec3<R>(&c.scratch.base_position[3 * i * W]) + alpha * load_vec3<R>(&c.scratch.direction[3 * i * W]);
+        store_vec3<R>(x, select(lanes, moved, load_vec3<R>(x)));
+    }
+    const Pose<R> base = load_pose<R>(c.scratch.base_bone.data()), old = load_pose<R>(c.state.bone.data());
+    const Vec3<R> dp = load_vec3<R>(&c.scratch.direction[3 * t.bone_position * W]);
+    const Vec3<R> dr = load_vec3<R>(&c.scratch.direction[3 * t.bone_rotation * W]);
+    const Quaternion<R> q = normalised(rotation_step(alpha * dr) * base.rotation);
+    Pose<R> pose;
+    pose.position = select(lanes, base.position + alpha * dp, old.position);
+    pose.rotation = {select(lanes, q.w, old.rotation.w), select(lanes, q.x, old.rotation.x),
+                     select(lanes, q.y, old.rotation.y), select(lanes, q.z, old.rotation.z)};
+    store_pose<R>(c.state.bone.data(), pose);
+}
+
+/// Velocities of implicit Euler from the accepted positions.
+template <class R>
+inline void end_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const R rate = R(settings.inertia ? T(1 / settings.dt) : T(0));
+    for (std::size_t i = 0; i < c.state.position.size(); i += W)
+        store<R>(&c.state.velocity[i],
+                 rate * (load<R>(&c.state.position[i]) - load<R>(&c.scratch.start_position[i])));
+    const Pose<R> now = load_pose<R>(c.state.bone.data()), before = load_pose<R>(c.scratch.start_bone.data());
+    store_vec3<R>(c.state.bone_velocity.data(), rate * (now.position - before.position));
+    const Quaternion<R> turn = now.rotation * conjugate(before.rotation);
+    // Inverse of rotation_step: omega dt = 2 v / w.
+    const R w = maximum(absolute(turn.w), R(T(0.1)));
+    store_vec3<R>(&c.state.bone_velocity[3 * W], (rate / w) * shorter_twice_vector(turn));
+    std::swap(c.state.svd_guess, c.scratch.svd);
+}
+
+/// Puts the masked lanes to rest on the target of their coupling, without multipliers.
+template <class R>
+inline void reset_lanes(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const Pose<R> target = load_pose<R>(&c.scratch.bone_springs[2 * W]);
+    const Pose<R> old = load_pose<R>(c.state.bone.data());
+    Pose<R> pose;
+    pose.position = select(lanes, target.position, old.position);
+    for (auto [to, a, b] : {std::tuple{&pose.rotation.w, target.rotation.w, old.rotation.w},
+                            std::tuple{&pose.rotation.x, target.rotation.x, old.rotation.x},
+                            std::tuple{&pose.rotation.y, target.rotation.y, old.rotation.y},
+                            std::tuple{&pose.rotation.z, target.rotation.z, old.rotation.z}})
+        *to = select(lanes, a, b);
+    store_pose<R>(c.state.bone.data(), pose);
+    for (int i = 0; i < t.node_count; ++i) {
+        T* x = &c.state.position[3 * i * W];
+        const Vec3<R> rest = transform(pose, load_vec3<R>(&c.rest.rest_position[3 * i * W]));
+        store_vec3<R>(x, select(lanes, rest, load_vec3<R>(x)));
+    }
+    auto clear = [&](LaneArray<T>& a) {
+        for (std::size_t i = 0; i < a.size(); i += W) store<R>(&a[i], select(lanes, R(0), load<R>(&a[i])));
+    };
+    for (auto* a : {&c.state.velocity, &c.state.bone_velocity, &c.state.limit_multiplier, &c.state.normal_multiplier,
+                    &c.state.tangential_multiplier, &c.state.friction_radius, &c.scratch.limit_candidate,
+                    &c.scratch.normal_candidate, &c.scratch.tangential_candidate})
+        clear(*a);
+    store<R>(c.state.penalty_scale.data(), select(lanes, R(1), load<R>(c.state.penalty_scale.data())));
+    for (std::size_t i = 0; i < 9 * t.elements.size(); ++i)
+        store<R>(&c.scratch.svd[i * W], select(lanes, R(i % 9 % 4 == 0 ? T(1) : T(0)), load<R>(&c.scratch.svd[i * W])));
+}
+
+/// Where each lane stands in its iteration.
+template <class R>
+struct LaneProgress {
+    MaskOf<R> active;            ///< not finished
+    MaskOf<R> converged, failed; ///< how it finished
+    R base_energy, slope, alpha; ///< of the running line search
+    R last_excess;               ///< violation over tolerance at the last multiplier update
+    R iterations{0}, updates{0}, backtracks{0};
+};
+
+/// What the lanes do next; each active lane does exactly one of the three.
+template <class R>
+struct LaneDecision {
+    MaskOf<R> retry, update, newton;
+};
+
+template <class R>
+inline LaneDecision<R> decide(const Evaluation<R>& e, const SolverSettings& s, LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    constexpr T eps = std::numeric_limits<T>::epsilon();
+    const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
+    p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
+    p.active = p.active & !p.failed;
+
+    const R slack = R(64 * eps) * absolute(e.energy);
+    const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
+    LaneDecision<R> d;
+    d.retry = p.active & !decreased & ((p.alpha > R(T(1.0 / 64))) | !sound);
+    p.failed = p.failed | (d.retry & (p.alpha < R(T(1e-6))));
+    p.active = p.active & !p.failed;
+    d.retry = d.retry & p.active;
+
+    const R scale = maximum(maximum(e.contact_force, e.coupling_force), R(T(0.01)));
+    const R tolerance = R(T(s.tolerance)) * scale, pending_tolerance = R(T(s.multiplier_tolerance)) * scale;
+    const R residual = square_root(e.residual), pending = square_root(e.pending);
+    const R gate = select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
+    const MaskOf<R> ready = p.active & !d.retry & (residual <= gate);
+    const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
+                                (e.penetration <= R(T(s.contact_tolerance)));
+    p.converged = p.converged | (ready & satisfied);
+    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations));
+    d.update = ready & !satisfied & (p.updates < R(T(4 * s.newton_iterations)));
+    d.newton = p.active & !d.retry & !ready & !out_of_budget;
+    p.active = d.retry | d.update | d.newton;
+    return d;
+}
+
+template <class R>
+inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const LaneProgress<R>& p) {
+    for (int l = 0; l < lane_width<R>; ++l) {
+        SkinStatus& s = c.status[l];
+        s.newton_iterations = int(lane(p.iterations, l));
+        s.multiplier_updates = int(lane(p.updates, l));
+        s.backtracks = int(lane(p.backtracks, l));
+        s.converged = (bits_from_mask<R>(p.converged) >> l) & 1u;
+        s.reset = (bits_from_mask<R>(p.failed) >> l) & 1u;
+        s.residual_N = s.reset ? 0 : std::sqrt(double(lane(e.residual, l)));
+        s.limit_violation = s.reset ? 0 : lane(e.violation, l);
+        s.penetration_m = s.reset ? 0 : lane(e.penetration, l);
+        s.contact_force_N = s.reset ? 0 : lane(e.contact_force, l);
+        s.limited_elements = s.reset ? 0 : int(lane(e.limited, l));
+    }
+}
+
+/// Multipliers that do not shrink a violation by four from one update to the next get a stiffer penalty.
+template <class R>
+inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s, const Evaluation<R>& e,
+                               MaskOf<R> lanes, LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    const R excess = maximum(e.violation * R(T(1 / s.limit_tolerance)), e.penetration * R(T(1 / s.contact_tolerance)));
+    const R scale = load<R>(c.state.penalty_scale.data());
+    const MaskOf<R> slow = lanes & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(T(200)));
+    store<R>(c.state.penalty_scale.data(), select(slow, R(2) * scale, scale));
+    p.last_excess = select(lanes, excess, p.last_excess);
+}
+
+}  // namespace detail
+
+/// Advances a chunk by one step. Reads bone springs and contact slots; writes state and status.
+/// No allocation. The result of a lane does not depend on what the other lanes hold.
+template <class R>
+void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+    using T = ScalarOf<R>;
+    detail::begin_step<R>(c, settings);
+    detail::LaneProgress<R> p;
+    p.active = mask_from_bits<R>(c.used_lanes);
+    p.converged = p.failed = mask_from_bits<R>(0);
+    p.base_energy = p.last_excess = R(std::numeric_limits<T>::max());
+    p.slope = p.alpha = R(0);
+    detail::keep_base<R>(c, p.active);
+    Evaluation<R> e;
+    while (true) {
+        e = evaluate<R>(c, settings);
+        const detail::LaneDecision<R> d = detail::decide(e, settings, p);
+        if (!any(p.active)) break;
+
+        if (any(d.retry)) {
+            p.alpha = select(d.retry, R(T(0.5)) * p.alpha, p.alpha);
+            p.backtracks += select(d.retry, R(1), R(0));
+        }
+        if (any(d.update)) {
+            detail::stiffen_slow_lanes(c, settings, e, d.update, p);
+            p.updates += select(d.update, R(1), R(0));
+            p.base_energy = select(d.update, R(std::numeric_limits<T>::max()), p.base_energy);
+            detail::update_multipliers<R>(c, d.update);
+            p.alpha = select(d.update, R(1), p.alpha);
+            p.slope = select(d.update, R(0), p.slope);
+        }
+        if (any(d.newton)) {
+            R bad_pivots;
+            const R slope = detail::newton_direction<R>(c, d.newton, bad_pivots);
+            p.slope = select(d.newton, slope, p.slope);
+            p.alpha = select(d.newton, R(1), p.alpha);
+            p.base_energy = select(d.newton, e.energy, p.base_energy);
+            p.iterations += select(d.newton, R(1), R(0));
+            detail::keep_base<R>(c, d.newton);
+        }
+        if (any(d.newton | d.retry)) detail::move_from_base<R>(c, d.newton | d.retry, p.alpha);
+    }
+    if (any(p.failed)) detail::reset_lanes<R>(c, p.failed);
+    detail::update_multipliers<R>(c, mask_from_bits<R>(c.used_lanes) & !p.failed);
+    detail::record_status(c, e, p);
+    detail::end_step<R>(c, settings);
+}
+
+}  // namespace palpate

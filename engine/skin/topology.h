@@ -1,0 +1,49 @@
+#pragma once
+// What fingers of one archetype share: connectivity and the symbolic block Cholesky factor.
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "meshes/tet_mesh.h"
+
+namespace palpate {
+
+/// Lower triangle of a symmetric matrix of 3x3 blocks after elimination-order permutation, stored by
+/// columns, with the update program of its Cholesky factor. Blocks are numbered 0..block_count-1.
+struct BlockPattern {
+    int columns = 0;
+    int block_count = 0;
+    std::vector<int> column_start;  ///< [columns + 1] first block of each column: its diagonal block
+    std::vector<int> row;           ///< [block_count] row of each block, ascending within a column
+    std::vector<int> update_start;  ///< [block_count + 1] range in update_a / update_b
+    std::vector<int> update_a;      ///< block(i,j) -= sum over updates of block a times block b^T
+    std::vector<int> update_b;
+
+    /// Block number of (row, column), row >= column; -1 where the factor has none.
+    int find(int row, int column) const;
+};
+
+/// Symbolic factorisation of a graph: `adjacency[i]` lists the neighbours of i in elimination order.
+BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency);
+
+/// Connectivity of one skin. The unknowns are the nodes, then the bone's position, then its rotation:
+/// the bone comes last in the elimination, so its 6x6 block is the Schur complement of the skin.
+struct SkinTopology {
+    int node_count = 0;
+    int bone_position = 0;  ///< unknown block of the bone's position: node_count
+    int bone_rotation = 0;  ///< node_count + 1
+    std::vector<std::array<int, 4>> elements;       ///< nodes, sorted by elimination position
+    std::vector<std::array<int, 10>> element_block; ///< destination of each of block_pair (isotropic.h)
+    std::vector<int> diagonal_block;                ///< [node_count + 2]
+    std::vector<int> bone_nodes;                    ///< nodes with a bone spring
+    std::vector<std::array<int, 2>> bone_block;     ///< per bone node: blocks (position,node), (rotation,node)
+    int bone_cross_block = 0;                       ///< block (rotation, position)
+    std::vector<int> samples;                       ///< nodes at which contact is decided
+    std::vector<int> elimination;                   ///< [node_count + 2] unknown -> elimination position
+    BlockPattern pattern;
+};
+
+SkinTopology build_topology(const TetMesh& mesh);
+
+}  // namespace palpate

@@ -1,0 +1,37 @@
+#pragma once
+// Which nodes of a finger mesh ride on the bone, and which can touch.
+
+#include "meshes/surface.h"
+
+namespace palpate {
+
+/// Bone nodes: at the cut (proximal end), under the nail (dorsal strip) and inside the phalanx. Pad
+/// nodes: the other nodes of the surface. Both by shares of the mesh's bounds in the finger frame.
+struct FingerRegions {
+    double cut = 0.06;             ///< share of the length, from the proximal end
+    double nail = 0.74;            ///< share of the thickness, from the pad; above it is nail and back
+    double phalanx_length = 0.70;  ///< share of the length reached by the bone, from the proximal end
+    double phalanx_height = 0.60;  ///< share of the thickness at which its axis lies
+    double phalanx_radius = 0.20;  ///< share of the thickness
+};
+void mark_regions(TetMesh& mesh, const FingerRegions& regions);
+
+/// Bone nodes = nodes on the positive side of a plane (normal . x > offset) [m]; pad = the other
+/// surface nodes.
+void mark_half_space(TetMesh& mesh, const Point& normal, double offset);
+
+/// Pad nodes = surface nodes that are not bone nodes.
+void mark_pad(TetMesh& mesh);
+
+/// How a surface of unknown orientation was turned into the finger frame.
+struct FrameGuess {
+    Surface surface;         ///< in the finger frame
+    std::string explanation; ///< what was guessed, in words
+};
+
+/// Long axis to x, towards the end that is not cut flat; widest of the rest to y; the tip lies on the
+/// dorsal side of the middle, which decides z. A surface whose long axis is x already and whose tip
+/// points to +x is only centred.
+FrameGuess to_finger_frame(const Surface& surface);
+
+}  // namespace palpate

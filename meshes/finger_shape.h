@@ -1,0 +1,24 @@
+#pragma once
+// A parametric fingertip.
+
+#include "meshes/surface.h"
+
+namespace palpate {
+
+/// Dimensions of a distal segment. Shape: REFERENCES of the README ("Where the finger comes from").
+struct FingerShape {
+    double length = 0.025;      ///< cut to tip [m]
+    double width = 0.0175;      ///< [m]
+    double thickness = 0.0145;  ///< pad to nail side, at the cut [m]
+    double pad_bulge = 0.14;    ///< share by which the pad swells at its middle
+    double nail_drop = 0.26;    ///< share of the dorsal half height lost towards the tip, over the nail
+    std::vector<std::string> validate() const;
+};
+
+/// Finger of a median hand: "thumb", "index", "middle", "ring" or "little". Throws InputError otherwise.
+FingerShape finger_shape(const std::string& finger);
+
+/// Dense closed surface in the finger frame (origin at the centre of the segment).
+Surface finger_surface(const FingerShape& shape);
+
+}  // namespace palpate
