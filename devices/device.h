@@ -23,8 +23,8 @@ struct DeviceModel {
     const DeviceKind* kind = nullptr;
     std::array<double, 8> geometry{};    ///< meaning: DeviceKind::geometry_names
     Coordinates joint_min, joint_max;    ///< actuator limits [rad]
-    double disk_radius = 0.010;          ///< of the platform [m]
-    double clearance = 0.0005;           ///< eps of Perez et al. 2017, Eq. 3 [m]
+    double disk_radius = 0.020;          ///< of the platform [m]
+    double clearance = 0.0002;           ///< eps of Perez et al. 2017, Eq. 3 [m]
     Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();  ///< device frame -> finger frame
     Coordinates rest;                    ///< contact-free configuration w
 };

@@ -5,18 +5,10 @@
 #include <cstdint>
 #include <memory>
 
-#include "devices/device.h"
+#include "devices/command.h"
 #include "devices/drivers/driver.h"
-#include "devices/mailbox.h"
 
 namespace palpate {
-
-/// What the step publishes for a thimble.
-struct ThimbleCommand {
-    double time = 0;   ///< simulation time of the solve [s]
-    Coordinates q;     ///< joint angles wanted [rad]
-    bool valid = false;///< false: the solve failed; counts as no solve
-};
 
 struct SlewLimits {
     double velocity = 6.0;        ///< [rad/s]; a hobby servo does 60 degrees in 0.1 to 0.2 s
@@ -53,7 +45,7 @@ struct ThimbleLoop {
     DeviceModel model;
     ThimbleLoopSettings settings;
     std::unique_ptr<Driver> driver;
-    Mailbox<ThimbleCommand> mailbox;
+    ThimbleMailbox mailbox;
     ThimbleCommand newest;
     Coordinates q, velocity;        ///< sent last [rad], [rad/s]
     Coordinates rest_q;             ///< joint angles of the rest configuration

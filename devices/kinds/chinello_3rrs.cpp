@@ -110,9 +110,10 @@ DeviceModel defaults() {
     m.joint_min = Coordinates::Constant(3, -35.139 * degree);
     m.joint_max = Coordinates::Constant(3, 37.771 * degree);
     m.rest = Eigen::Vector3d(0, 0, 0.0290);
-    // Above the nail, z towards the pad; the pad of a 14 mm finger (z = -8 mm) lies at dz = 23.5 mm.
+    // Above the nail, z towards the pad; the pad of a 14 mm finger (z = -8.4 mm) lies at dz = 24.6 mm.
+    // The platform reaches to its joints: disk radius = mobile radius (the paper does not give it).
     m.mount.linear() << 1, 0, 0, 0, -1, 0, 0, 0, -1;
-    m.mount.translation() << 0.0025, 0, 0.0155;
+    m.mount.translation() << 0.0025, 0, 0.0162;
     return m;
 }
 

@@ -32,7 +32,9 @@ inline PoseTerms<R> pose_spring(const PoseSpring<R>& spring, const Pose<R>& pose
     const R w = absolute(e.w);
     const R half(ScalarOf<R>(0.5));
     PoseTerms<R> t;
-    t.energy = half * spring.linear_stiffness * dot(d, d) + R(4) * spring.angular_stiffness * (R(1) - w);
+    // 1 - w = |v|^2 / (1 + w) for a unit quaternion, without the cancellation.
+    t.energy = half * spring.linear_stiffness * dot(d, d) +
+               R(4) * spring.angular_stiffness * dot(e.vector(), e.vector()) / (R(1) + w);
     t.force = spring.linear_stiffness * d;
     t.torque = spring.angular_stiffness * shorter_twice_vector(e);
     t.linear_curvature = spring.linear_stiffness;

@@ -1,0 +1,107 @@
+#include <cmath>
+
+#include "engine/systems.h"
+
+namespace palpate {
+
+void read_trackers(Table<TrackerPose>& trackers, double) {
+    for (TrackerPose& t : trackers) {
+        const TrackerPose::Sample& s = t.incoming;
+        t.previous = t.newest.valid ? t.newest.pose : s.pose;
+        if (!s.valid) {
+            ++t.missing;
+            continue;
+        }
+        const Quaternion<double>& q = s.pose.rotation;
+        const double norm2 = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
+        const Vec3<double>& p = s.pose.position;
+        if (!std::isfinite(norm2) || norm2 < 1e-6 || norm2 > 1e6 || !std::isfinite(dot(p, p)) || !std::isfinite(s.time)) {
+            ++t.not_finite;
+        } else if (t.newest.valid && s.time < t.newest.time) {
+            ++t.backward;
+        } else {
+            ++t.accepted;
+            t.newest = s;
+            t.newest.pose.rotation = normalised(q);
+            if (t.newest.pose.rotation.w < 0) {  // q and -q are one rotation: one sign, one set of bits
+                Quaternion<double>& r = t.newest.pose.rotation;
+                r = {-r.w, -r.x, -r.y, -r.z};
+            }
+        }
+    }
+}
+
+namespace {
+
+/// Newest tracked pose, approached no faster than the coupling's largest speed.
+Pose<double> next_target(Coupling& c, const Pose<double>& wanted, double dt) {
+    if (!c.started) return wanted;
+    Pose<double> target = wanted;
+    const Vec3<double> d = wanted.position - c.target.position;
+    const double reach = c.max_speed * dt, distance = norm(d);
+    if (distance > reach) {
+        target.position = c.target.position + (reach / distance) * d;
+        ++c.slowed;
+    }
+    return target;
+}
+
+template <class T>
+void store_spring(SkinChunk<T>& c, int spring, int lane, double linear, double angular, const Pose<double>& target) {
+    const Vec3<double>& p = target.position;
+    const Quaternion<double>& q = target.rotation;
+    const double v[9] = {linear, angular, p.x, p.y, p.z, q.w, q.x, q.y, q.z};
+    for (int i = 0; i < 9; ++i) c.scratch.bone_springs[(9 * spring + i) * c.width + lane] = T(v[i]);
+}
+
+template <class T>
+void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling& coupling) {
+    const int W = c.width;
+    auto bone = [&](int i) { return double(c.state.bone[i * W + lane]); };
+    auto rate = [&](int i) { return double(c.state.bone_velocity[i * W + lane]); };
+    const Pose<double> now{{bone(0), bone(1), bone(2)}, {bone(3), bone(4), bone(5), bone(6)}};
+
+    Pose<double> pulled = coupling.target;
+    const Vec3<double> d = pulled.position - now.position;
+    const double reach = coupling.max_force / coupling.stiffness, distance = norm(d);
+    if (distance > reach) pulled.position = now.position + (reach / distance) * d;
+    store_spring(c, 0, lane, coupling.stiffness, coupling.angular_stiffness, pulled);
+
+    if (!solver.inertia) {
+        store_spring(c, 1, lane, 0, 0, now);
+        store_spring(c, 2, lane, 0, 0, now);
+        return;
+    }
+    // The damper pulls the bone to where it would be if it moved with the target.
+    const double dt = solver.dt;
+    Pose<double> carried = now;
+    carried.position += coupling.target.position - coupling.last_target.position;
+    carried.rotation = normalised(coupling.target.rotation * conjugate(coupling.last_target.rotation) * now.rotation);
+    store_spring(c, 1, lane, coupling.damping / dt, coupling.angular_damping / dt, carried);
+
+    Pose<double> coasting = now;
+    coasting.position += dt * Vec3<double>{rate(0), rate(1), rate(2)};
+    coasting.rotation = normalised(rotation_step(dt * Vec3<double>{rate(3), rate(4), rate(5)}) * now.rotation);
+    store_spring(c, 2, lane, coupling.bone_mass / (dt * dt), coupling.bone_inertia / (dt * dt), coasting);
+}
+
+}  // namespace
+
+void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, const Table<Skin>& skins,
+            Table<Coupling>& couplings, std::vector<SkinChunk<double>>& double_chunks,
+            std::vector<SkinChunk<float>>& float_chunks) {
+    for (std::size_t row = 0; row < couplings.size(); ++row) {
+        Coupling& c = couplings[row];
+        const Skin& skin = *skins.find(couplings.owner(row));
+        const TrackerPose* tracker = trackers.find(c.tracker);
+        const Pose<double> wanted = tracker && tracker->newest.valid ? tracker->newest.pose : c.started ? c.target : skin.start;
+        const Pose<double> next = next_target(c, wanted, solver.dt);
+        c.last_target = c.started ? c.target : next;
+        c.target = next;
+        c.started = true;
+        if (skin.single_precision) aim(float_chunks[skin.chunk], skin.lane, solver, c);
+        else aim(double_chunks[skin.chunk], skin.lane, solver, c);
+    }
+}
+
+}  // namespace palpate

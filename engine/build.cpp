@@ -1,0 +1,209 @@
+#include "engine/build.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include "engine/skin/solve_skin.h"
+
+namespace palpate {
+
+std::vector<std::string> SceneSpec::validate() const {
+    std::vector<std::string> wrong = solver.validate();
+    auto need = [&](bool ok, const std::string& sentence) {
+        if (!ok) wrong.push_back(sentence);
+    };
+    for (const FingerSpec& f : fingers) {
+        const std::string who = "finger '" + f.name + "': ";
+        need(!f.mesh.tets.empty() && f.mesh.bone_nodes.size() >= 3, who + "its mesh needs tetrahedra and at least three bone nodes");
+        need(f.young_modulus >= 1 && f.young_modulus <= 1e9, who + "Young's modulus must be between 0.001 and 1000000 kPa");
+        need(f.poisson_ratio >= 0 && f.poisson_ratio < 0.49995, who + "Poisson's ratio must be at least 0 and below 0.49995");
+        need(f.density >= 1 && f.density <= 1e5, who + "the density must be between 1 and 100000 kg/m^3");
+        if (f.has_limits) {
+            need(f.limit_low > 0.01 && f.limit_low < 1, who + "the lower strain limit must be above 0.01 and below 1: the rest shape has stretch 1");
+            need(f.limit_high > 1 && f.limit_high < 100, who + "the upper strain limit must be above 1 and below 100: the rest shape has stretch 1");
+        }
+        const Coupling& c = f.coupling;
+        need(c.stiffness > 0 && c.stiffness <= 1e8 && c.angular_stiffness > 0 && c.angular_stiffness <= 1e6, who + "the coupling's stiffnesses must be positive, at most 1e8 N/m and 1e6 N m/rad");
+        need(c.damping >= 0 && c.damping <= 1e6 && c.angular_damping >= 0 && c.angular_damping <= 1e4, who + "the coupling's dampings must not be negative, at most 1e6 N s/m and 1e4 N m s/rad");
+        need(c.max_force > 0 && c.max_force <= 1e5, who + "the coupling's largest force must be between 0 and 100000 N");
+    }
+    for (const ObjectSpec& o : objects)
+        need(o.friction >= 0 && o.friction <= 100, "object '" + o.name + "': friction must be between 0 and 100");
+    for (const ThimbleSpec& t : thimbles) {
+        need(t.finger >= 0 && t.finger < int(fingers.size()), "a thimble names a finger that does not exist");
+        for (const auto& sentence : palpate::validate(t.model)) wrong.push_back("device of finger '" + (t.finger >= 0 && t.finger < int(fingers.size()) ? fingers[t.finger].name : "?") + "': " + sentence);
+    }
+    return wrong;
+}
+
+namespace {
+
+/// Fingers of one archetype: same connectivity, same precision.
+struct Archetype {
+    std::shared_ptr<const SkinTopology> topology;
+    const TetMesh* mesh;
+    bool single_precision;
+    std::vector<int> fingers;
+};
+
+bool same_connectivity(const TetMesh& a, const TetMesh& b) {
+    return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes && a.pad_nodes == b.pad_nodes;
+}
+
+std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {
+    std::vector<Archetype> archetypes;
+    for (int i = 0; i < int(spec.fingers.size()); ++i) {
+        const FingerSpec& f = spec.fingers[i];
+        auto fits = [&](const Archetype& a) { return a.single_precision == f.single_precision && same_connectivity(*a.mesh, f.mesh); };
+        auto it = std::find_if(archetypes.begin(), archetypes.end(), fits);
+        if (it == archetypes.end()) {
+            archetypes.push_back({std::make_shared<SkinTopology>(build_topology(f.mesh)), &f.mesh, f.single_precision, {}});
+            it = std::prev(archetypes.end());
+        }
+        it->fingers.push_back(i);
+    }
+    return archetypes;
+}
+
+SkinParameters parameters_of(const FingerSpec& f) {
+    SkinParameters p;
+    p.mesh = &f.mesh;
+    p.young_modulus = {f.young_modulus};
+    p.poisson_ratio = f.poisson_ratio;
+    p.density = f.density;
+    p.has_limits = f.has_limits;
+    p.limit_low = {f.limit_low};
+    p.limit_high = {f.limit_high};
+    return p;
+}
+
+/// Width of the chunk that takes `left` fingers: the smallest kernel that holds them, or the widest.
+template <class T>
+int chunk_width(int left) {
+    for (int width : sizeof(T) == 8 ? std::array{1, 2, 4} : std::array{1, 4, 8})
+        if (width >= left || width >= widest_chunk<T>()) return width;
+    return widest_chunk<T>();
+}
+
+template <class T>
+void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks, std::vector<Skin>& skins) {
+    const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
+    for (std::size_t first = 0; first < a.fingers.size();) {
+        const int width = chunk_width<T>(int(a.fingers.size() - first));
+        const std::size_t last = std::min(a.fingers.size(), first + width);
+        bool limits = false;
+        for (std::size_t k = first; k < last; ++k) limits |= spec.fingers[a.fingers[k]].has_limits;
+        SkinChunk<T>& chunk = chunks.emplace_back();
+        allocate_chunk(chunk, a.topology, width, limits, friction, int(spec.objects.size()));
+        for (std::size_t k = first; k < last; ++k) {
+            const int finger = a.fingers[k];
+            const FingerSpec& f = spec.fingers[finger];
+            set_lane(chunk, int(k - first), finger, parameters_of(f), f.start);
+            skins[finger] = {f.name, sizeof(T) == 4, int(chunks.size()) - 1, int(k - first), f.mesh, f.start};
+        }
+        fill_empty_lanes(chunk);
+        first = last;
+    }
+}
+
+/// A third of the area of each boundary triangle goes to each of its corners.
+ContactSurface contact_surface_of(const TetMesh& mesh) {
+    std::vector<double> area(mesh.nodes.size(), 0.0);
+    auto at = [&](int i) { return Eigen::Map<const Eigen::Vector3d>(mesh.nodes[i].data()); };
+    for (const auto& t : mesh.surface) {
+        const double share = (at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])).norm() / 6;
+        for (int i : t) area[i] += share;
+    }
+    ContactSurface c;
+    for (int node : mesh.pad_nodes) {
+        c.area.push_back(area[node]);
+        c.position.push_back({mesh.nodes[node][0], mesh.nodes[node][1], mesh.nodes[node][2]});
+    }
+    c.force.assign(c.area.size(), {0, 0, 0});
+    c.touches.assign(c.area.size(), 0);
+    return c;
+}
+
+}  // namespace
+
+World build_world(const SceneSpec& spec) {
+    if (const auto wrong = spec.validate(); !wrong.empty()) {
+        std::string all;
+        for (const auto& w : wrong) all += (all.empty() ? "" : "\n") + w;
+        throw std::invalid_argument(all);
+    }
+    World world;
+    world.solver = spec.solver;
+    std::vector<Skin> skins(spec.fingers.size());
+    for (const Archetype& a : sort_into_archetypes(spec)) {
+        if (a.single_precision) fill_chunks(spec, a, world.float_chunks, skins);
+        else fill_chunks(spec, a, world.double_chunks, skins);
+    }
+    std::vector<EntityId> ids;
+    for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
+        const EntityId finger = world.fingers.create(), tracker = world.trackers.create();
+        ids.push_back(finger);
+        world.tracker_poses.add(tracker);
+        world.couplings.add(finger, spec.fingers[i].coupling).tracker = tracker;
+        world.skins.add(finger, std::move(skins[i]));
+        world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh));
+    }
+    for (const ObjectSpec& o : spec.objects) world.shapes.add(world.objects.create(), {o.name, o.shape, o.pose, o.pose, o.friction});
+    for (const ThimbleSpec& t : spec.thimbles) {
+        if (spec.objects.empty()) break;  // nothing can be touched: nothing to render
+        Matching m;
+        m.finger = ids[t.finger];
+        m.model = t.model;
+        m.method = t.method;
+        m.settings = t.settings;
+        m.period = t.period;
+        m.points.resize(spec.fingers[t.finger].mesh.pad_nodes.size());
+        m.result.w = t.model.rest;
+        m.result.q = t.model.kind->joints(t.model, t.model.rest).q;
+        const EntityId thimble = world.thimbles.create();
+        world.matchings.add(thimble, std::move(m));
+        world.device_links.add(thimble);
+    }
+    return world;
+}
+
+namespace {
+template <class Read>
+auto with_chunk(const World& world, EntityId finger, Read read) {
+    const Skin& skin = *world.skins.find(finger);
+    return skin.single_precision ? read(world.float_chunks[skin.chunk], skin.lane) : read(world.double_chunks[skin.chunk], skin.lane);
+}
+}  // namespace
+
+std::vector<Point> finger_positions(const World& world, EntityId finger) {
+    return with_chunk(world, finger, [](const auto& c, int lane) {
+        std::vector<Point> nodes(c.topology->node_count);
+        for (std::size_t i = 0; i < nodes.size(); ++i)
+            for (int d = 0; d < 3; ++d) nodes[i][d] = c.state.position[(3 * i + d) * c.width + lane];
+        return nodes;
+    });
+}
+
+Pose<double> bone_pose(const World& world, EntityId finger) {
+    return with_chunk(world, finger, [](const auto& c, int lane) {
+        auto b = [&](int i) { return double(c.state.bone[i * c.width + lane]); };
+        return Pose<double>{{b(0), b(1), b(2)}, {b(3), b(4), b(5), b(6)}};
+    });
+}
+
+const SkinStatus& skin_status(const World& world, EntityId finger) {
+    const Skin& skin = *world.skins.find(finger);
+    return skin.single_precision ? world.float_chunks[skin.chunk].status[skin.lane] : world.double_chunks[skin.chunk].status[skin.lane];
+}
+
+std::size_t skin_memory_bytes(const World& world) {
+    std::size_t bytes = 0;
+    for (const auto& c : world.double_chunks) bytes += memory_bytes(c);
+    for (const auto& c : world.float_chunks) bytes += memory_bytes(c);
+    return bytes;
+}
+
+}  // namespace palpate

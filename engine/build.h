@@ -1,0 +1,63 @@
+#pragma once
+// From a plain description of a scene to a World that holds just what the description names.
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/world.h"
+
+namespace palpate {
+
+struct FingerSpec {
+    std::string name;
+    TetMesh mesh;                    ///< finger frame [m], with bone and pad nodes
+    double young_modulus = 30e3;     ///< [Pa]
+    double poisson_ratio = 0.45;
+    double density = 1050;           ///< [kg/m^3]
+    bool has_limits = false;
+    double limit_low = 0.6, limit_high = 1.4;
+    bool single_precision = false;
+    Coupling coupling;               ///< its tracker is set by build_world
+    Pose<double> start = Pose<double>::identity();
+};
+
+struct ObjectSpec {
+    std::string name;
+    Shape shape;
+    Pose<double> pose = Pose<double>::identity();
+    double friction = 0;
+};
+
+struct ThimbleSpec {
+    int finger = 0;                  ///< index into fingers
+    DeviceModel model;
+    MatchingMethod method = MatchingMethod::constrained;
+    MatchingSettings settings;
+    double period = 0.020;           ///< [s]
+};
+
+struct SceneSpec {
+    SolverSettings solver;
+    std::vector<FingerSpec> fingers;
+    std::vector<ObjectSpec> objects;
+    std::vector<ThimbleSpec> thimbles;
+    /// Sentences about what is wrong; empty if nothing is.
+    std::vector<std::string> validate() const;
+};
+
+/// Fingers with the same connectivity and precision share chunks, as wide as the processor allows;
+/// thimbles are built only for fingers that can touch something. Throws std::invalid_argument with the
+/// sentences of validate().
+World build_world(const SceneSpec& spec);
+
+/// One finger's nodes [m], world frame.
+std::vector<Point> finger_positions(const World& world, EntityId finger);
+/// One finger's bone pose, world frame.
+Pose<double> bone_pose(const World& world, EntityId finger);
+/// What the last solve reported for one finger.
+const SkinStatus& skin_status(const World& world, EntityId finger);
+/// Bytes held by all chunks.
+std::size_t skin_memory_bytes(const World& world);
+
+}  // namespace palpate

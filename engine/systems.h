@@ -1,0 +1,38 @@
+#pragma once
+// The systems of the step, in its order. Each names what it reads (const) and writes.
+
+#include <oneapi/tbb/task_arena.h>
+
+#include "engine/world.h"
+
+namespace palpate {
+
+/// Takes the incoming sample of each tracker if it is valid; counts the others.
+void read_trackers(Table<TrackerPose>& trackers, double time);
+
+/// Aims each finger's bone at its tracked pose: writes the bone springs of its lane.
+void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, const Table<Skin>& skins,
+            Table<Coupling>& couplings, std::vector<SkinChunk<double>>& double_chunks,
+            std::vector<SkinChunk<float>>& float_chunks);
+
+/// Gives each chunk the objects near it. Returns the number of chunks near more objects than they can hold.
+int detect_contacts(const Table<RigidShape>& shapes, const SolverSettings& solver,
+                    std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
+
+/// One implicit step of every chunk (skin/newton.h), chunks in parallel.
+void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena,
+                 std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
+
+/// Reads touching samples, forces and area of each finger from its lane.
+void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<double>>& double_chunks,
+                     const std::vector<SkinChunk<float>>& float_chunks, Table<Coupling>& couplings,
+                     Table<ContactSurface>& surfaces);
+
+/// Solves the thimbles that are due, in parallel.
+void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::tbb::task_arena& arena,
+                   Table<Matching>& matchings);
+
+/// Puts each fresh result into its thimble's mailbox.
+void publish(const Table<Matching>& matchings, double time, Table<DeviceLink>& links);
+
+}  // namespace palpate

@@ -1,0 +1,19 @@
+#pragma once
+// The commands of the program, one file each. Each adds its options to the program and returns what to
+// do when it is chosen; that returns the exit code.
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <functional>
+
+namespace palpate {
+
+using Action = std::function<int()>;
+
+Action add_run_command(CLI::App& program, const std::atomic<bool>& stop);
+Action add_mesh_command(CLI::App& program);
+Action add_device_command(CLI::App& program);
+Action add_compare_command(CLI::App& program, const std::atomic<bool>& stop);
+Action add_explain_command(CLI::App& program);
+
+}  // namespace palpate

@@ -1,0 +1,72 @@
+#include "scenes/finger_mesh.h"
+
+#include <algorithm>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "meshes/tetrahedralise.h"
+
+namespace palpate {
+
+namespace {
+
+void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
+    if (!r.bone_nodes.empty()) {
+        mesh.bone_nodes = r.bone_nodes;
+        std::sort(mesh.bone_nodes.begin(), mesh.bone_nodes.end());
+        mesh.bone_nodes.erase(std::unique(mesh.bone_nodes.begin(), mesh.bone_nodes.end()), mesh.bone_nodes.end());
+        if (mesh.bone_nodes.back() >= int(mesh.nodes.size()))
+            throw InputError("bone node " + std::to_string(mesh.bone_nodes.back()) + " does not exist: the mesh has nodes 0 to " + std::to_string(mesh.nodes.size() - 1));
+        mark_pad(mesh);
+    } else if (r.half_space) {
+        mark_half_space(mesh, r.half_space_normal, r.half_space_offset);
+    } else {
+        mark_regions(mesh, r.regions);
+    }
+}
+
+TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
+    FingerShape shape = finger_shape("middle");
+    shape.pad_bulge = r.shape.pad_bulge;
+    shape.nail_drop = r.shape.nail_drop;
+    if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
+    const std::string key = std::to_string(r.elements) + " " + std::to_string(shape.pad_bulge) + " " + std::to_string(shape.nail_drop);
+    auto it = templates.find(key);
+    if (it == templates.end()) it = templates.emplace(key, tetrahedralise(finger_surface(shape), {.elements = r.elements})).first;
+    TetMesh mesh = it->second;
+    for (Point& p : mesh.nodes) {
+        p[0] *= r.shape.length / shape.length;
+        p[1] *= r.shape.width / shape.width;
+        p[2] *= r.shape.thickness / shape.thickness;
+    }
+    return mesh;
+}
+
+}  // namespace
+
+TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
+    TetMesh mesh;
+    if (r.source == FingerMeshRequest::Source::parametric) {
+        mesh = parametric(r, templates);
+        note = "parametric finger";
+    } else if (r.source == FingerMeshRequest::Source::tets) {
+        mesh = read_tet_mesh(r.file, r.unit.empty() ? "mm" : r.unit);
+        note = r.file + " in " + (r.unit.empty() ? "mm" : r.unit);
+    } else {
+        const SurfaceFile file = read_surface(r.file, r.unit);
+        note = r.file + " in " + file.unit + (file.unit_was_guessed ? " (guessed)" : "");
+        Surface surface = file.surface;
+        if (!r.keep_frame) {
+            FrameGuess guess = to_finger_frame(surface);
+            surface = std::move(guess.surface);
+            note += ", " + guess.explanation;
+        }
+        mesh = tetrahedralise(surface, {.elements = r.elements});
+    }
+    mark_bone(mesh, r);
+    note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
+            std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) + " bone nodes";
+    return mesh;
+}
+
+}  // namespace palpate

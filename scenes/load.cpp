@@ -1,0 +1,334 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "meshes/input_error.h"
+#include "scenes/finger_mesh.h"
+#include "scenes/scene.h"
+#include "scenes/section.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr double mm = 1e-3, ms = 1e-3, kPa = 1e3, degree = std::numbers::pi / 180;
+
+Pose<double> read_pose(Section& s, double bound_mm = 5000) {
+    const Vec3<double> p = s.vector("position_mm", {0, 0, 0}, bound_mm, mm);
+    const Vec3<double> r = s.vector("rotation_deg", {0, 0, 0}, 3600, degree);
+    return {p, from_roll_pitch_yaw(r.x, r.y, r.z)};
+}
+
+std::vector<Keyframe> read_track(Section& owner) {
+    std::vector<Keyframe> track;
+    for (Section& s : owner.tables("track")) {
+        Keyframe k;
+        if (!s.has("t_s")) s.complain("t_s", "a keyframe needs its time");
+        k.time = s.number("t_s", track.empty() ? 0 : track.back().time, 0, 1e5);
+        const Pose<double> before = track.empty() ? Pose<double>::identity() : track.back().pose;
+        k.pose = read_pose(s);
+        if (!s.has("position_mm")) k.pose.position = before.position;
+        if (!s.has("rotation_deg")) k.pose.rotation = before.rotation;
+        if (!track.empty() && k.time <= track.back().time) s.complain("t_s", "keyframes must follow each other in time");
+        s.finish();
+        track.push_back(k);
+    }
+    return track;
+}
+
+/// Settings of the solve by preset; measured in the README's speed-accuracy table.
+void read_solver(Section s, Scene& scene) {
+    SolverSettings& v = scene.spec.solver;
+    const std::string preset = s.choice("preset", "reference", {"reference", "real-time"});
+    if (preset == "real-time") {
+        v.newton_iterations = 2;
+        v.tolerance = 1e-4;
+        v.multiplier_tolerance = 1e-3;
+    }
+    v.newton_iterations = s.integer("newton_iterations", v.newton_iterations, 1, 10000);
+    v.tolerance = s.number("tolerance", v.tolerance, 1e-12, 0.1);
+    v.multiplier_tolerance = s.number("multiplier_tolerance", v.multiplier_tolerance, 1e-12, 0.1);
+    v.multiplier_gate = s.number("multiplier_gate", v.multiplier_gate, 1e-6, 1000);
+    v.limit_tolerance = s.number("limit_tolerance", v.limit_tolerance, 1e-8, 0.5);
+    v.contact_tolerance = s.number("contact_tolerance_um", v.contact_tolerance * 1e6, 1e-4, 1e4, 1e-6);
+    const bool single = s.choice("precision", "double", {"double", "float"}) == "float";
+    for (FingerSpec& f : scene.spec.fingers) f.single_precision = single;
+    s.finish();
+}
+
+/// Material and limits: of one finger, or of all where the scene's own tables give them.
+void read_material(Section s, FingerSpec& f) {
+    f.young_modulus = s.number("young_kPa", f.young_modulus / kPa, 1e-3, 1e6, kPa);
+    f.poisson_ratio = s.number("poisson", f.poisson_ratio, 0, 0.4999);
+    f.density = s.number("density_kg_per_m3", f.density, 1, 1e5);
+    s.finish();
+}
+
+void read_limits(Section s, FingerSpec& f) {
+    if (!s) return;
+    f.has_limits = s.boolean("enabled", true);
+    f.limit_low = s.number("low", f.limit_low, 0, 1);
+    f.limit_high = s.number("high", f.limit_high, 1, 100);
+    if (f.limit_low >= 1 || f.limit_high <= 1) s.complain("low", "limits must leave room around the rest shape: low < 1 < high");
+    s.finish();
+}
+
+void read_coupling(Section s, Coupling& c) {
+    c.stiffness = s.number("stiffness_N_per_mm", c.stiffness * mm, 1e-3, 1e5, 1 / mm);
+    c.damping = s.number("damping_Ns_per_m", c.damping, 0, 1e6);
+    c.angular_stiffness = s.number("angular_stiffness_Nm_per_rad", c.angular_stiffness, 1e-6, 1e6);
+    c.angular_damping = s.number("angular_damping_Nms_per_rad", c.angular_damping, 0, 1e4);
+    c.max_force = s.number("max_force_N", c.max_force, 1e-3, 1e5);
+    c.max_speed = s.number("max_speed_m_per_s", c.max_speed, 1e-3, 1e3);
+    s.finish();
+}
+
+FingerMeshRequest read_mesh_request(Section& s, const std::filesystem::path& folder) {
+    FingerMeshRequest r;
+    Section shape = s.table("shape");
+    const std::string preset = shape ? shape.choice("finger", "index", {"thumb", "index", "middle", "ring", "little"}) : "index";
+    r.shape = finger_shape(preset);
+    r.shape.length = shape.number("length_mm", r.shape.length / mm, 10, 60, mm);
+    r.shape.width = shape.number("width_mm", r.shape.width / mm, 6, 40, mm);
+    r.shape.thickness = shape.number("thickness_mm", r.shape.thickness / mm, 6, 35, mm);
+    r.shape.pad_bulge = shape.number("pad_bulge", r.shape.pad_bulge, 0, 0.5);
+    r.shape.nail_drop = shape.number("nail_drop", r.shape.nail_drop, 0, 0.5);
+    shape.finish();
+
+    Section file = s.table("mesh");
+    if (file) {
+        const std::string surface = file.text("surface", ""), tets = file.text("tets", "");
+        if (surface.empty() == tets.empty()) file.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
+        if (shape) file.complain("surface", "a finger has either a shape or a mesh, not both");
+        r.source = tets.empty() ? FingerMeshRequest::Source::surface : FingerMeshRequest::Source::tets;
+        r.file = (folder / (tets.empty() ? surface : tets)).lexically_normal().string();
+        if (file.has("unit")) r.unit = file.choice("unit", "mm", {"m", "cm", "mm"});
+        r.keep_frame = file.boolean("keep_frame", false);
+    }
+    file.finish();
+    r.elements = s.integer("elements", r.elements, 20, 200000);
+
+    Section bone = s.table("bone");
+    r.bone_nodes = bone.integers("nodes");
+    r.half_space = bone.has("normal");
+    const Vec3<double> n = bone.vector("normal", {0, 0, 1}, 1e3);
+    r.half_space_normal = {n.x, n.y, n.z};
+    r.half_space_offset = bone.number("offset_mm", 0, -1000, 1000, mm);
+    r.regions.nail = bone.number("nail", r.regions.nail, 0, 1);
+    r.regions.cut = bone.number("cut", r.regions.cut, 0, 1);
+    r.regions.phalanx_length = bone.number("phalanx_length", r.regions.phalanx_length, 0, 1);
+    r.regions.phalanx_height = bone.number("phalanx_height", r.regions.phalanx_height, 0, 1);
+    r.regions.phalanx_radius = bone.number("phalanx_radius", r.regions.phalanx_radius, 0, 1);
+    bone.finish();
+    return r;
+}
+
+/// device = { kind, method, ... } of a finger.
+void read_device(Section s, int finger, Scene& scene) {
+    if (!s) return;
+    ThimbleSpec t;
+    t.finger = finger;
+    const std::string kind = s.choice("kind", "chinello-3rrs", kind_names());
+    t.model = find_kind(kind)->defaults();
+    parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane"}), t.method);
+    t.period = s.number("period_ms", 20, 1, 1000, ms);
+    t.settings.tolerance = s.number("tolerance", t.settings.tolerance, 1e-12, 0.1);
+    t.settings.evaluations = s.integer("evaluations", t.settings.evaluations, 3, 100000);
+    t.settings.smoothing = s.number("smoothing", 0, 0, 1e6);
+    t.settings.non_contact = s.boolean("non_contact", true);
+    t.model.disk_radius = s.number("platform_radius_mm", t.model.disk_radius / mm, 0.1, 100, mm);
+    t.model.clearance = s.number("clearance_mm", t.model.clearance / mm, 0, 10, mm);
+    const double low = s.number("joint_min_deg", t.model.joint_min[0] / degree, -180, 180, degree);
+    const double high = s.number("joint_max_deg", t.model.joint_max[0] / degree, -180, 180, degree);
+    if (s.has("joint_min_deg")) t.model.joint_min.setConstant(low);
+    if (s.has("joint_max_deg")) t.model.joint_max.setConstant(high);
+    Section geometry = s.table("geometry_mm");
+    for (std::size_t i = 0; i < t.model.kind->geometry_names.size(); ++i)
+        t.model.geometry[i] = geometry.number(t.model.kind->geometry_names[i], t.model.geometry[i] / mm, 0.01, 500, mm);
+    geometry.finish();
+    if (s.has("mount_mm")) {
+        const Vec3<double> p = s.vector("mount_mm", {0, 0, 0}, 200, mm);
+        t.model.mount.translation() << p.x, p.y, p.z;
+    } else {
+        // Seated so that the undeformed pad touches the level platform at dz = 24.6 mm, near the middle of
+        // its range: pressing, and then rolling, passes the height at which the device rolls farthest.
+        double lowest = 0;
+        for (const Point& p : scene.spec.fingers[finger].mesh.nodes) lowest = std::min(lowest, p[2]);
+        t.model.mount.translation().z() = lowest + 0.0246;
+    }
+    for (const auto& sentence : validate(t.model)) s.complain("kind", sentence);
+    s.finish();
+    scene.spec.thimbles.push_back(t);
+}
+
+Shape read_shape(Section& s) {
+    Shape shape;
+    const std::string kind = s.choice("kind", "plane", {"plane", "box", "sphere", "capsule", "cylinder"});
+    auto length = [&](const char* key, double least) {
+        if (!s.has(key)) s.complain(key, "a " + kind + " needs it");
+        return s.number(key, 10, least, 10000, mm);
+    };
+    if (kind == "box") {
+        shape.kind = ShapeKind::box;
+        if (!s.has("size_mm")) s.complain("size_mm", "a box needs its edge lengths [x, y, z]");
+        const Vec3<double> size = s.vector("size_mm", {10, 10, 10}, 10000, mm);
+        if (size.x <= 0 || size.y <= 0 || size.z <= 0) s.complain("size_mm", "edge lengths must be positive");
+        shape.size = 0.5 * size;
+    } else if (kind == "sphere") {
+        shape.kind = ShapeKind::sphere;
+        shape.size.x = length("radius_mm", 1e-3);
+    } else if (kind != "plane") {
+        shape.kind = kind == "capsule" ? ShapeKind::capsule : ShapeKind::cylinder;
+        shape.size.x = length("radius_mm", 1e-3);
+        shape.size.y = 0.5 * length("length_mm", 0);
+    }
+    return shape;
+}
+
+void read_objects(Section& root, Scene& scene) {
+    for (Section& s : root.tables("object")) {
+        ObjectSpec o;
+        o.name = s.text("name", "object " + std::to_string(scene.spec.objects.size()));
+        o.shape = read_shape(s);
+        o.pose = read_pose(s);
+        o.friction = s.number("friction", 0, 0, 100);
+        auto track = read_track(s);
+        if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg"))) s.complain("position_mm", "an object has either a pose or a track");
+        if (!track.empty()) o.pose = track.front().pose;
+        s.finish();
+        scene.object_motions.push_back(std::move(track));
+        scene.spec.objects.push_back(o);
+    }
+}
+
+void read_recording(Section s, Scene& scene, const std::filesystem::path& folder) {
+    if (!s) return;
+    const std::string file = s.text("file", ""), hand = s.choice("hand", "right", {"left", "right"});
+    scene.recording_pose = read_pose(s);
+    scene.recording_start = s.number("start_s", 0, 0, 1e5);
+    if (file.empty()) s.complain("file", "expected the name of a recording (.jsonl or .csv)");
+    else try {
+        scene.recording = std::make_shared<HandRecording>(read_hand_recording((folder / file).lexically_normal(), hand));
+    } catch (const InputError& error) {
+        for (const auto& m : error.messages) s.complain("file", m);
+    }
+    s.finish();
+}
+
+void read_fingers(Section& root, Scene& scene, const std::filesystem::path& folder) {
+    FingerTemplates templates;
+    FingerSpec common;
+    read_material(root.table("material"), common);
+    read_limits(root.table("limits"), common);
+    read_coupling(root.table("coupling"), common.coupling);
+    std::set<std::string> names;
+    for (Section& s : root.tables("finger")) {
+        FingerSpec f = common;
+        const int index = int(scene.spec.fingers.size());
+        f.name = s.text("name", "finger " + std::to_string(index));
+        if (f.name.find_first_of("/\\\"\n,") != std::string::npos || f.name.empty()) s.complain("name", "a name is used for files: no slashes, quotes or commas");
+        if (!names.insert(f.name).second) s.complain("name", "two fingers are called '" + f.name + "'");
+        read_material(s.table("material"), f);
+        read_limits(s.table("limits"), f);
+        read_coupling(s.table("coupling"), f.coupling);
+        FingerMotion motion;
+        motion.keyframes = read_track(s);
+        const std::string follow = s.text("follow", "");
+        if (!follow.empty()) {
+            const auto it = std::find(finger_names.begin(), finger_names.end(), follow);
+            if (it == finger_names.end()) s.complain("follow", "expected thumb, index, middle, ring or little, found \"" + follow + "\"");
+            else motion.recorded_finger = int(it - finger_names.begin());
+            if (!scene.recording) s.complain("follow", "the scene has no [recording] to follow");
+        }
+        const FingerMeshRequest request = read_mesh_request(s, folder);
+        std::string note;
+        try {
+            f.mesh = make_finger_mesh(request, templates, note);
+        } catch (const InputError& error) {
+            for (const auto& m : error.messages) s.complain(request.file.empty() ? "shape" : "mesh", m);
+        }
+        scene.mesh_notes.push_back(note);
+        scene.spec.fingers.push_back(std::move(f));
+        scene.finger_motions.push_back(std::move(motion));
+        read_device(s.table("device"), index, scene);
+        s.finish();
+    }
+    if (scene.spec.fingers.empty()) root.complain("finger", "a scene needs at least one [[finger]]");
+}
+
+void read_thimble_loop(Section s, Scene& scene) {
+    scene.loop.period = s.number("period_ms", scene.loop.period / ms, 1, 1000, ms);
+    scene.loop.limits.velocity = s.number("velocity_rad_per_s", scene.loop.limits.velocity, 0.01, 50);
+    scene.loop.limits.acceleration = s.number("acceleration_rad_per_s2", scene.loop.limits.acceleration, 0.1, 10000);
+    Section servo = s.table("servo");
+    scene.servo.pulse_step_us = servo.number("pulse_step_us", scene.servo.pulse_step_us, 0.01, 50);
+    scene.servo.us_per_rad = servo.number("us_per_rad", scene.servo.us_per_rad, 51, 5000);
+    scene.servo.delay_s = servo.number("delay_ms", scene.servo.delay_s / ms, 0, 999, ms);
+    scene.servo.slew_rad_per_s = servo.number("slew_rad_per_s", scene.servo.slew_rad_per_s, 0.11, 100);
+    servo.finish();
+    s.finish();
+}
+
+void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
+    Section root(&table, "", problems);
+    const std::filesystem::path folder = scene.file.parent_path();
+    scene.title = root.text("title", scene.file.stem().string());
+    scene.duration = root.number("duration_s", 1, 1e-3, 1e5);
+    scene.spec.solver.dt = root.number("dt_ms", 5, 1e-3, 200, ms);
+    Section hand = root.table("hand");
+    scene.hand = read_track(hand);
+    hand.finish();
+    read_recording(root.table("recording"), scene, folder);
+    read_objects(root, scene);
+    read_fingers(root, scene, folder);
+    read_solver(root.table("solver"), scene);
+    read_thimble_loop(root.table("thimbles"), scene);
+    root.finish();
+    if (problems.messages.empty())
+        for (const auto& sentence : scene.spec.validate()) problems.add(nullptr, sentence);
+}
+
+}  // namespace
+
+TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time) {
+    const FingerMotion& motion = scene.finger_motions[finger];
+    if (motion.recorded_finger >= 0) {
+        TrackerPose::Sample s = sample_recording(*scene.recording, motion.recorded_finger, time + scene.recording_start);
+        s.time = time;
+        if (s.valid) s.pose = compose(scene.recording_pose, s.pose);
+        return s;
+    }
+    TrackerPose::Sample s;
+    s.pose = compose(trajectory_pose(scene.hand, time), trajectory_pose(motion.keyframes, time));
+    s.time = time;
+    s.valid = true;
+    return s;
+}
+
+Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+    Scene scene;
+    scene.file = file;
+    Problems problems{file, {}};
+    if (!std::filesystem::is_regular_file(file)) throw InputError(file.string() + ": no such file");
+    toml::table table;
+    try {
+        table = toml::parse_file(file.string());
+    } catch (const toml::parse_error& error) {
+        const auto& at = error.source().begin;
+        throw InputError(file.string() + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) + ": " + std::string(error.description()));
+    }
+    for (const std::string& o : overrides) apply_override(table, o, problems);
+    read_scene(table, scene, problems);
+    if (!problems.messages.empty()) throw InputError(problems.messages);
+    for (int i = 0; i < int(scene.spec.fingers.size()); ++i) {
+        // A finger starts where it is tracked first.
+        TrackerPose::Sample s = tracked_pose(scene, i, 0);
+        for (double t = 0; !s.valid && t < scene.duration; t += scene.spec.solver.dt) s = tracked_pose(scene, i, t);
+        scene.spec.fingers[i].start = s.pose;
+        scene.spec.fingers[i].start.rotation = normalised(s.pose.rotation);
+    }
+    return scene;
+}
+
+}  // namespace palpate

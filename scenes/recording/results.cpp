@@ -1,0 +1,92 @@
+#include "scenes/recording/results.h"
+
+#include <Eigen/Dense>
+#include <nlohmann/json.hpp>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "scenes/recording/svg.h"
+
+namespace palpate {
+
+namespace fs = std::filesystem;
+
+void write_pad(const fs::path& path, const World& world, EntityId finger) {
+    const Skin& skin = *world.skins.find(finger);
+    const ContactSurface& contact = *world.contact_surfaces.find(finger);
+    TetMesh mesh = skin.mesh;
+    const Pose<double> bone = bone_pose(world, finger);
+    const std::vector<Point> now = finger_positions(world, finger);
+    const std::size_t n = mesh.nodes.size();
+    Field displacement{"displacement_mm", 3, {}}, force{"contact_force_N", 3, std::vector<double>(3 * n)},
+        pressure{"contact_pressure_kPa", 1, std::vector<double>(n)}, region{"region", 1, std::vector<double>(n)},
+        low{"stretch_min", 1, {}}, high{"stretch_max", 1, {}};
+    for (std::size_t i = 0; i < n; ++i) {
+        const Point& r = mesh.nodes[i];
+        const Vec3<double> rest = transform(bone, Vec3<double>{r[0], r[1], r[2]});
+        for (int d = 0; d < 3; ++d) displacement.values.push_back(1e3 * (now[i][d] - rest[d]));
+    }
+    for (int i : mesh.bone_nodes) region.values[i] = 1;
+    for (std::size_t s = 0; s < mesh.pad_nodes.size(); ++s) {
+        const int i = mesh.pad_nodes[s];
+        region.values[i] = 2;
+        for (int d = 0; d < 3; ++d) force.values[3 * i + d] = contact.force[s][d];
+        pressure.values[i] = 1e-3 * norm(contact.force[s]) / contact.area[s];
+    }
+    auto edges = [](const std::vector<Point>& x, const std::array<int, 4>& t) {
+        Eigen::Matrix3d D;
+        for (int a = 1; a < 4; ++a)
+            for (int d = 0; d < 3; ++d) D(d, a - 1) = x[t[a]][d] - x[t[0]][d];
+        return D;
+    };
+    for (const auto& t : mesh.tets) {
+        const Eigen::Matrix3d F = edges(now, t) * edges(mesh.nodes, t).inverse();
+        const Eigen::Vector3d sigma = Eigen::JacobiSVD<Eigen::Matrix3d>(F).singularValues();
+        low.values.push_back(sigma[2]);
+        high.values.push_back(sigma[0]);
+    }
+    mesh.nodes = now;
+    write_vtu(path, mesh, {displacement, force, pressure, region}, {low, high});
+}
+
+namespace {
+
+std::vector<Plot> plots_of(const Simulation& s) {
+    std::vector<Plot> plots{{"Contact force", "time [s]", "force [N]", {}, {}},
+                            {"Contact area", "time [s]", "area [mm2]", {}, {}},
+                            {"Step time", "time [s]", "wall time [us]", {}, {}}};
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        const Series& series = s.finger_series[i];
+        const auto time = series.column("time_s");
+        const std::string& name = s.scene.spec.fingers[i].name;
+        plots[0].curves.push_back({name, time, series.column("contact_force_N")});
+        plots[1].curves.push_back({name, time, series.column("contact_area_mm2")});
+    }
+    const auto time = s.step_series.column("time_s");
+    plots[2].curves.push_back({"whole step", time, s.step_series.column("total_us")});
+    plots[2].curves.push_back({"skin solve", time, s.step_series.column("solve_skin_us")});
+    return plots;
+}
+
+}  // namespace
+
+std::vector<fs::path> write_results(const fs::path& folder, const Simulation& s, const Summary& summary) {
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
+    std::vector<fs::path> files;
+    auto add = [&](const std::string& name) { return files.emplace_back(folder / name); };
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        const std::string& name = s.scene.spec.fingers[i].name;
+        write_csv(add(name + ".csv"), s.finger_series[i]);
+        write_pad(add(name + ".vtu"), s.world, s.fingers[i]);
+    }
+    write_csv(add("steps.csv"), s.step_series);
+    write_svg(add("plots.svg"), plots_of(s));
+    write_picture(add("picture.svg"), s);
+    write_file(add("summary.txt"), to_text(summary));
+    write_file(add("summary.json"), to_json(summary).dump(2) + "\n");
+    return files;
+}
+
+}  // namespace palpate

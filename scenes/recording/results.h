@@ -1,0 +1,23 @@
+#pragma once
+// The results folder of a run.
+
+#include <filesystem>
+#include <vector>
+
+#include "scenes/summary.h"
+
+namespace palpate {
+
+/// Writes series (CSV), plots and a picture (SVG), final pads (VTU) and the summary (JSON, text) into
+/// `folder`. Returns the files written. Throws InputError where it cannot write.
+std::vector<std::filesystem::path> write_results(const std::filesystem::path& folder, const Simulation& simulation,
+                                                 const Summary& summary);
+
+/// A finger's mesh where it is now, with displacement, contact force and pressure per node and principal
+/// stretches per element.
+void write_pad(const std::filesystem::path& path, const World& world, EntityId finger);
+
+/// Fingers, objects and platforms in an orthographic view, skin coloured by contact pressure.
+void write_picture(const std::filesystem::path& path, const Simulation& simulation);
+
+}  // namespace palpate

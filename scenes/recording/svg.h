@@ -1,0 +1,28 @@
+#pragma once
+// Line plots as SVG: axes with units, ticks, legend.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+struct Curve {
+    std::string name;
+    std::vector<double> x, y;
+};
+struct Marker {
+    std::string name;
+    double x;  ///< a vertical line
+};
+
+struct Plot {
+    std::string title, x_label, y_label;
+    std::vector<Curve> curves;
+    std::vector<Marker> markers;
+};
+
+/// Throws InputError where the file cannot be written.
+void write_svg(const std::filesystem::path& path, const std::vector<Plot>& plots);
+
+}  // namespace palpate

@@ -1,0 +1,46 @@
+#pragma once
+// A scene as loaded: what to build, what moves it, and how it is run.
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "devices/drivers/simulated.h"
+#include "devices/loop.h"
+#include "engine/build.h"
+#include "scenes/trackers/hand_recording.h"
+#include "scenes/trackers/trajectory.h"
+
+namespace palpate {
+
+/// What moves a finger: a script relative to the hand's script, or a recorded hand.
+struct FingerMotion {
+    std::vector<Keyframe> keyframes;
+    int recorded_finger = -1;        ///< index into finger_names; -1: scripted
+};
+
+struct Scene {
+    std::filesystem::path file;
+    std::string title;
+    double duration = 1;             ///< [s]
+    SceneSpec spec;
+    std::vector<Keyframe> hand;      ///< empty: the hand stays at the origin
+    std::vector<FingerMotion> finger_motions;              ///< per finger
+    std::vector<std::vector<Keyframe>> object_motions;     ///< per object; empty: fixed
+    std::shared_ptr<const HandRecording> recording;        ///< absent unless a finger follows it
+    Pose<double> recording_pose = Pose<double>::identity();///< recorded frame -> world
+    double recording_start = 0;                            ///< time in the recording at scene time 0 [s]
+    ThimbleLoopSettings loop;
+    ServoModel servo;
+    std::vector<std::string> mesh_notes;                   ///< per finger: what was built, what was guessed
+};
+
+/// Reads a scene file and builds its meshes. `overrides` are "key=value". Throws InputError with all
+/// problems at once, each with file, line, column, key, expectation and finding.
+Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
+
+/// Tracked pose of a finger at a time.
+TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time);
+
+}  // namespace palpate

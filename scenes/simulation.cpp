@@ -1,0 +1,116 @@
+#include "scenes/simulation.h"
+
+#include <oneapi/tbb/info.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+namespace {
+
+const std::vector<std::string> finger_columns{
+    "time_s", "contact_force_N", "force_x_N", "force_y_N", "force_z_N", "contact_area_mm2", "touching_samples",
+    "coupling_force_N", "bone_x_mm", "bone_y_mm", "bone_z_mm", "newton_iterations", "multiplier_updates", "converged",
+    "residual_N", "limit_violation", "limited_elements", "penetration_um"};
+const std::vector<std::string> thimble_columns{"theta_deg", "psi_deg", "dz_mm", "q1_deg", "q2_deg", "q3_deg", "sent1_deg",
+                                               "sent2_deg", "sent3_deg", "servo1_deg", "servo2_deg", "servo3_deg",
+                                               "matching_rms_mm", "constraint_active", "contact_matched"};
+const std::vector<std::string> step_columns{"time_s",          "read_trackers_us",  "couple_us",        "detect_contacts_us", "solve_skin_us",
+                                            "extract_contact_us", "match_devices_us", "publish_us", "total_us"};
+constexpr double degrees = 57.29577951308232;
+
+int thimble_of(const World& world, EntityId finger) {
+    for (std::size_t row = 0; row < world.matchings.size(); ++row)
+        if (world.matchings[row].finger == finger) return int(row);
+    return -1;
+}
+
+void record_finger(Simulation& s, std::size_t i) {
+    const World& w = s.world;
+    const EntityId finger = s.fingers[i];
+    const ContactSurface& c = *w.contact_surfaces.find(finger);
+    const SkinStatus& status = skin_status(w, finger);
+    const Pose<double> bone = bone_pose(w, finger);
+    s.finger_resets[i] += status.reset;
+    std::vector<double>& out = s.finger_series[i].values;
+    for (double v : {w.time, c.normal_force, c.total.x, c.total.y, c.total.z, 1e6 * c.touching_area, double(c.touching),
+                     w.couplings.find(finger)->force_N, 1e3 * bone.position.x, 1e3 * bone.position.y, 1e3 * bone.position.z,
+                     double(status.newton_iterations), double(status.multiplier_updates), double(status.converged),
+                     status.residual_N, status.limit_violation, double(status.limited_elements), 1e6 * status.penetration_m})
+        out.push_back(v);
+    const int t = thimble_of(w, finger);
+    if (t < 0) return;
+    const Matching& m = w.matchings[t];
+    ThimbleLoop& loop = *s.loops[t];
+    const Coordinates servo = loop.driver->actual(w.time);
+    out.push_back(m.result.w[0] * degrees);
+    out.push_back(m.result.w[1] * degrees);
+    out.push_back(m.result.w[2] * 1e3);
+    for (const Coordinates* q : std::array<const Coordinates*, 3>{&m.result.q, &loop.q, &servo})
+        for (int k = 0; k < 3; ++k) out.push_back((*q)[k] * degrees);
+    out.push_back(1e3 * m.result.rms_m);
+    out.push_back(m.result.constraint_active);
+    out.push_back(m.result.status != MatchingStatus::no_contact);
+}
+
+}  // namespace
+
+Simulation make_simulation(Scene scene, int threads) {
+    Simulation s;
+    s.scene = std::move(scene);
+    s.world = build_world(s.scene.spec);
+    s.arena = std::make_unique<oneapi::tbb::task_arena>(threads > 0 ? threads : oneapi::tbb::info::default_concurrency());
+    for (std::size_t row = 0; row < s.world.skins.size(); ++row) s.fingers.push_back(s.world.skins.owner(row));
+    for (std::size_t row = 0; row < s.world.matchings.size(); ++row) {
+        auto loop = std::make_unique<ThimbleLoop>();
+        const DeviceModel& model = s.world.matchings[row].model;
+        const Coordinates rest = model.kind->joints(model, model.rest).q;
+        initialise(*loop, model, s.scene.loop, make_simulated_driver(s.scene.servo, rest));
+        s.world.device_links[row].mailbox = &loop->mailbox;
+        s.loops.push_back(std::move(loop));
+    }
+    const auto steps = std::size_t(std::ceil(s.scene.duration / s.scene.spec.solver.dt)) + 2;
+    for (const EntityId finger : s.fingers) {
+        Series series{finger_columns, {}};
+        if (thimble_of(s.world, finger) >= 0) series.columns.insert(series.columns.end(), thimble_columns.begin(), thimble_columns.end());
+        series.reserve(std::min<std::size_t>(steps, 2000000));
+        s.finger_series.push_back(std::move(series));
+    }
+    s.finger_resets.assign(s.fingers.size(), 0);
+    s.step_series.columns = step_columns;
+    s.step_series.reserve(std::min<std::size_t>(steps, 2000000));
+    return s;
+}
+
+void advance(Simulation& s) {
+    World& w = s.world;
+    const double next = w.time + w.solver.dt;
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        const Coupling& coupling = *w.couplings.find(s.fingers[i]);
+        w.tracker_poses.find(coupling.tracker)->incoming = tracked_pose(s.scene, int(i), next);
+    }
+    for (std::size_t i = 0; i < s.scene.object_motions.size(); ++i)
+        if (!s.scene.object_motions[i].empty()) w.shapes[i].pose = trajectory_pose(s.scene.object_motions[i], next);
+    step(w, *s.arena);
+    for (auto& loop : s.loops) tick(*loop, w.time);
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
+    const StepProfile& p = w.profile;
+    s.step_series.values.push_back(w.time);
+    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.extract_contact, p.match_devices, p.publish, p.total()})
+        s.step_series.values.push_back(1e6 * seconds);
+}
+
+void run(Simulation& s, const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
+    const auto steps = std::int64_t(std::llround(s.scene.duration / s.world.solver.dt));
+    for (std::int64_t k = 0; k < std::max<std::int64_t>(1, steps) && !stop; ++k) {
+        advance(s);
+        if (progress) progress(double(k + 1) / double(steps));
+    }
+    for (auto& loop : s.loops) park(*loop);
+    // Half a second more for the thimbles alone, to reach their rest pose.
+    for (double t = s.world.time; t < s.world.time + s.scene.loop.rest_within; t += 0.25 * s.scene.loop.period)
+        for (auto& loop : s.loops) tick(*loop, t);
+}
+
+}  // namespace palpate

@@ -1,0 +1,142 @@
+#include "scenes/summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+namespace palpate {
+
+namespace {
+
+double quantile(std::vector<double> v, double q) {
+    if (v.empty()) return 0;
+    const auto k = std::size_t(q * double(v.size() - 1) + 0.5);
+    std::nth_element(v.begin(), v.begin() + long(k), v.end());
+    return v[k];
+}
+
+double mean(const std::vector<double>& v) {
+    double sum = 0;
+    for (double x : v) sum += x;
+    return v.empty() ? 0 : sum / double(v.size());
+}
+
+double largest(const std::vector<double>& v) { return v.empty() ? 0 : *std::max_element(v.begin(), v.end()); }
+
+FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
+    const Series& series = s.finger_series[i];
+    FingerSummary f;
+    f.name = s.scene.spec.fingers[i].name;
+    const auto force = series.column("contact_force_N");
+    f.peak_force_N = largest(force);
+    std::vector<double> touching;
+    for (double x : force)
+        if (x > 0) touching.push_back(x);
+    f.mean_force_N = mean(touching);
+    f.touching_share = force.empty() ? 0 : double(touching.size()) / double(force.size());
+    f.peak_area_mm2 = largest(series.column("contact_area_mm2"));
+    f.worst_limit_violation = largest(series.column("limit_violation"));
+    f.worst_penetration_um = largest(series.column("penetration_um"));
+    f.mean_iterations = mean(series.column("newton_iterations"));
+    f.converged_share = mean(series.column("converged"));
+    f.resets = int(s.finger_resets[i]);
+    for (std::size_t t = 0; t < s.world.matchings.size(); ++t) {
+        const Matching& m = s.world.matchings[t];
+        if (!(m.finger == s.fingers[i])) continue;
+        f.has_device = true;
+        f.constrained_share = m.contact_solves ? double(m.constrained_solves) / double(m.contact_solves) : 0;
+        f.thimble_mode = name(s.loops[t]->status.mode);
+        const auto rms = series.column("matching_rms_mm"), matched = series.column("contact_matched");
+        double sum = 0, count = 0;
+        for (std::size_t k = 0; k < rms.size(); ++k)
+            if (matched[k] > 0) sum += rms[k], ++count;
+        f.matching_rms_mm = count > 0 ? sum / count : 0;
+    }
+    return f;
+}
+
+}  // namespace
+
+Summary summarise(const Simulation& s) {
+    Summary out;
+    out.title = s.scene.title;
+    out.simulated_s = s.world.time;
+    out.dt_ms = 1e3 * s.world.solver.dt;
+    out.steps = s.world.step;
+    const auto total = s.step_series.column("total_us");
+    out.step_median_us = quantile(total, 0.5);
+    out.step_p99_us = quantile(total, 0.99);
+    out.real_time_factor = mean(total) > 0 ? 1e6 * s.world.solver.dt / mean(total) : 0;
+    for (std::size_t c = 1; c + 1 < s.step_series.columns.size(); ++c) {
+        const std::string& column = s.step_series.columns[c];
+        out.system_mean_us.emplace_back(column.substr(0, column.size() - 3), mean(s.step_series.column(column)));
+    }
+    out.skin_memory_MB = double(skin_memory_bytes(s.world)) / 1e6;
+    out.crowded = s.world.crowded;
+    for (const TrackerPose& t : s.world.tracker_poses) {
+        out.rejected_samples += t.not_finite + t.backward;
+        out.missing_samples += t.missing;
+    }
+    for (const Coupling& c : s.world.couplings) out.slowed_steps += c.slowed;
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) out.fingers.push_back(summarise_finger(s, i));
+    return out;
+}
+
+std::string to_text(const Summary& s) {
+    std::ostringstream out;
+    char line[400];
+    std::snprintf(line, sizeof line, "%s: %.3g s simulated in %lld steps of %.3g ms\n", s.title.c_str(), s.simulated_s, (long long)s.steps, s.dt_ms);
+    out << line;
+    std::snprintf(line, sizeof line, "step: median %.0f us, p99 %.0f us, %.1f times real time; mean per system [us]:", s.step_median_us, s.step_p99_us, s.real_time_factor);
+    out << line;
+    for (const auto& [system, us] : s.system_mean_us) {
+        std::snprintf(line, sizeof line, " %s %.1f", system.c_str(), us);
+        out << line;
+    }
+    out << "\n\n";
+    std::snprintf(line, sizeof line, "%-10s %9s %9s %9s %7s %6s %6s %10s %9s %9s %8s  %s\n", "finger", "peak N", "mean N", "area mm2", "touch %",
+                  "iter", "conv %", "limit viol", "penet um", "match mm", "at lim %", "thimble");
+    out << line;
+    for (const FingerSummary& f : s.fingers) {
+        std::snprintf(line, sizeof line, "%-10s %9.3f %9.3f %9.1f %7.1f %6.1f %6.1f %10.2e %9.3f ", f.name.c_str(), f.peak_force_N, f.mean_force_N,
+                      f.peak_area_mm2, 100 * f.touching_share, f.mean_iterations, 100 * f.converged_share, f.worst_limit_violation, f.worst_penetration_um);
+        out << line;
+        if (f.has_device) {
+            std::snprintf(line, sizeof line, "%9.3f %8.1f  %s\n", f.matching_rms_mm, 100 * f.constrained_share, f.thimble_mode.c_str());
+            out << line;
+        } else {
+            out << "        -        -  none\n";
+        }
+        if (f.resets) out << "  " << f.name << " diverged and was reset " << f.resets << " times: use smaller steps (dt_ms) or softer coupling\n";
+    }
+    if (s.rejected_samples) out << s.rejected_samples << " tracker samples were rejected (not finite, or older than the last)\n";
+    if (s.missing_samples) out << s.missing_samples << " times a finger had no valid tracker sample\n";
+    if (s.slowed_steps) out << s.slowed_steps << " times a tracked pose jumped and was slowed to coupling.max_speed_m_per_s\n";
+    if (s.crowded) out << s.crowded << " times more objects were near a group of fingers than it can touch (" << max_contact_slots << "); the nearest were kept\n";
+    return out.str();
+}
+
+nlohmann::json to_json(const Summary& s) {
+    nlohmann::json j{{"title", s.title}, {"simulated_s", s.simulated_s}, {"dt_ms", s.dt_ms}, {"steps", s.steps},
+                     {"step_median_us", s.step_median_us}, {"step_p99_us", s.step_p99_us}, {"real_time_factor", s.real_time_factor},
+                     {"skin_memory_MB", s.skin_memory_MB}, {"rejected_samples", s.rejected_samples}, {"missing_samples", s.missing_samples},
+                     {"slowed_steps", s.slowed_steps}, {"crowded", s.crowded}};
+    for (const auto& [system, us] : s.system_mean_us) j["system_mean_us"][system] = us;
+    j["fingers"] = nlohmann::json::array();
+    for (const FingerSummary& f : s.fingers) {
+        nlohmann::json k{{"name", f.name}, {"peak_force_N", f.peak_force_N}, {"mean_force_N", f.mean_force_N}, {"peak_area_mm2", f.peak_area_mm2},
+                         {"touching_share", f.touching_share}, {"worst_limit_violation", f.worst_limit_violation},
+                         {"worst_penetration_um", f.worst_penetration_um}, {"mean_iterations", f.mean_iterations},
+                         {"converged_share", f.converged_share}, {"resets", f.resets}};
+        if (f.has_device) {
+            k["matching_rms_mm"] = f.matching_rms_mm;
+            k["constrained_share"] = f.constrained_share;
+            k["thimble_mode"] = f.thimble_mode;
+        }
+        j["fingers"].push_back(k);
+    }
+    return j;
+}
+
+}  // namespace palpate

@@ -1,0 +1,40 @@
+#pragma once
+// What a run comes to, per finger and for the whole.
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "scenes/simulation.h"
+
+namespace palpate {
+
+struct FingerSummary {
+    std::string name;
+    double peak_force_N = 0, mean_force_N = 0;         ///< of the total contact force; mean while touching
+    double peak_area_mm2 = 0, touching_share = 0;
+    double worst_limit_violation = 0, worst_penetration_um = 0;
+    double mean_iterations = 0, converged_share = 0;
+    int resets = 0;
+    bool has_device = false;
+    double matching_rms_mm = 0;                        ///< mean over solves with contact
+    double constrained_share = 0;                      ///< of solves with contact, at a workspace limit
+    std::string thimble_mode;
+};
+
+struct Summary {
+    std::string title;
+    double simulated_s = 0, dt_ms = 0;
+    std::int64_t steps = 0;
+    double step_median_us = 0, step_p99_us = 0, real_time_factor = 0;
+    std::vector<std::pair<std::string, double>> system_mean_us;
+    double skin_memory_MB = 0;
+    std::int64_t rejected_samples = 0, missing_samples = 0, slowed_steps = 0, crowded = 0;
+    std::vector<FingerSummary> fingers;
+};
+
+Summary summarise(const Simulation& simulation);
+std::string to_text(const Summary& summary);
+nlohmann::json to_json(const Summary& summary);
+
+}  // namespace palpate

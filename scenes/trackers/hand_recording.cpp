@@ -1,0 +1,183 @@
+#include "scenes/trackers/hand_recording.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "meshes/input_error.h"
+#include "scenes/trackers/trajectory.h"
+
+namespace palpate {
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+[[noreturn]] void refuse(const std::filesystem::path& path, int line, const std::string& what) {
+    throw InputError(path.string() + ":" + std::to_string(line) + ": " + what);
+}
+
+/// y up (trackers) to z up (world).
+Matrix3d upright(bool y_up) {
+    Matrix3d R = Matrix3d::Identity();
+    if (y_up) R << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+    return R;
+}
+
+/// Finger pose from the distal joint and the tip, with the bone's axes (columns: x sideways, y dorsal,
+/// z proximal, as both OpenXR and Leap Motion give them).
+Pose<double> finger_pose(const Vector3d& joint, const Vector3d& tip, const Matrix3d& bone) {
+    const Vector3d distal = -bone.col(2).normalized();
+    const Vector3d dorsal = (bone.col(1) - bone.col(1).dot(distal) * distal).normalized();
+    Matrix3d R;
+    R << distal, dorsal.cross(distal), dorsal;
+    const Eigen::Quaterniond q(R);
+    const Vector3d p = 0.5 * (joint + tip);
+    return {{p.x(), p.y(), p.z()}, {q.w(), q.x(), q.y(), q.z()}};
+}
+
+void add_frame(HandRecording& recording, HandRecording::Frame frame, double time, const std::filesystem::path& path, int line) {
+    frame.time = time;
+    if (!recording.frames.empty()) {
+        const double gap = time - recording.frames.back().time;
+        if (gap < 0) refuse(path, line, "time runs backward; sort the frames");
+        if (gap == 0) return;  // repeated frame
+        recording.largest_gap = std::max(recording.largest_gap, gap);
+    }
+    recording.frames.push_back(frame);
+}
+
+HandRecording read_csv(const std::filesystem::path& path, const std::string& hand) {
+    std::ifstream in(path);
+    std::string line, cell;
+    if (!std::getline(in, line)) refuse(path, 1, "the file is empty");
+    std::map<std::string, int> column;
+    std::istringstream head(line);
+    for (int i = 0; std::getline(head, cell, ','); ++i) column[cell] = i;
+    auto need = [&](const std::string& name) {
+        const auto it = column.find(name);
+        if (it == column.end()) refuse(path, 1, "column '" + name + "' is missing");
+        return it->second;
+    };
+    const int time_column = need("t_us"), hand_column = need("hand");
+    struct Columns { int joint[3], tip[3], basis[9]; } columns[5];
+    const char* names[5] = {"thumb", "index", "middle", "ring", "pinky"};
+    for (int f = 0; f < 5; ++f)
+        for (int d = 0; d < 3; ++d) {
+            const std::string axis(1, "xyz"[d]), finger = names[f];
+            columns[f].joint[d] = need(finger + "_dip_" + axis);
+            columns[f].tip[d] = need(finger + "_tip_" + axis);
+            for (int k = 0; k < 3; ++k) columns[f].basis[3 * d + k] = need(finger + "_distalbasis_" + std::to_string(d) + std::to_string(k));
+        }
+    HandRecording recording;
+    const Matrix3d up = upright(true);
+    double first_time = 0;
+    for (int number = 2; std::getline(in, line); ++number) {
+        if (line.empty()) continue;
+        std::vector<std::string> cells;
+        std::istringstream row(line);
+        while (std::getline(row, cell, ',')) cells.push_back(cell);
+        if (cells.size() != column.size()) refuse(path, number, "expected " + std::to_string(column.size()) + " cells, found " + std::to_string(cells.size()) + " (truncated?)");
+        if (cells[hand_column] != hand) continue;
+        auto value = [&](int c) {
+            char* end = nullptr;
+            const double x = std::strtod(cells[c].c_str(), &end);
+            if (*end || !std::isfinite(x)) refuse(path, number, "expected a number in cell " + std::to_string(c + 1) + ", found '" + cells[c] + "'");
+            return x;
+        };
+        HandRecording::Frame frame;
+        frame.valid = true;
+        for (int f = 0; f < 5; ++f) {
+            Vector3d joint, tip;
+            Matrix3d basis;  // rows of the file are the axes
+            for (int d = 0; d < 3; ++d) {
+                joint[d] = 1e-3 * value(columns[f].joint[d]);
+                tip[d] = 1e-3 * value(columns[f].tip[d]);
+                for (int k = 0; k < 3; ++k) basis(k, d) = value(columns[f].basis[3 * d + k]);
+            }
+            frame.finger[f] = finger_pose(up * joint, up * tip, up * basis);
+        }
+        const double time = 1e-6 * value(time_column);
+        if (recording.frames.empty()) first_time = time;
+        add_frame(recording, frame, time - first_time, path, number);
+    }
+    return recording;
+}
+
+HandRecording read_json_lines(const std::filesystem::path& path, const std::string& hand) {
+    std::ifstream in(path);
+    std::string line;
+    HandRecording recording;
+    double scale = 1, first_time = 0;
+    Matrix3d up = upright(true);
+    for (int number = 1; std::getline(in, line); ++number) {
+        if (line.empty()) continue;
+        const auto json = nlohmann::json::parse(line, nullptr, false);
+        if (!json.is_object()) refuse(path, number, "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");
+        if (!json.contains("joints")) {
+            const std::string units = json.value("units", "m"), axis = json.value("up", "y");
+            if (units != "m" && units != "mm") refuse(path, number, "units: expected \"m\" or \"mm\", found \"" + units + "\"");
+            if (axis != "y" && axis != "z") refuse(path, number, "up: expected \"y\" or \"z\", found \"" + axis + "\"");
+            scale = units == "mm" ? 1e-3 : 1;
+            up = upright(axis == "y");
+            continue;
+        }
+        if (json.value("hand", hand) != hand) continue;
+        const auto& joints = json["joints"];
+        if (!json.contains("t") || !json["t"].is_number() || !joints.is_array() || joints.size() != 26)
+            refuse(path, number, "expected a time \"t\" and 26 joints");
+        HandRecording::Frame frame;
+        frame.valid = json.value("valid", true);
+        auto entry = [&](int joint, int k) {
+            const auto& row = joints[joint];
+            if (!row.is_array() || row.size() < 7 || !row[k].is_number()) refuse(path, number, "joint " + std::to_string(joint) + ": expected [x, y, z, qx, qy, qz, qw, radius]");
+            return row[k].get<double>();
+        };
+        for (int f = 0; f < 5; ++f) {
+            const int distal = f == 0 ? 4 : 4 + 5 * f, tip = distal + 1;
+            const Vector3d a(entry(distal, 0), entry(distal, 1), entry(distal, 2)), b(entry(tip, 0), entry(tip, 1), entry(tip, 2));
+            const Eigen::Quaterniond q(entry(distal, 6), entry(distal, 3), entry(distal, 4), entry(distal, 5));
+            if (q.norm() < 1e-3) frame.valid = false;
+            else frame.finger[f] = finger_pose(scale * (up * a), scale * (up * b), up * q.normalized().toRotationMatrix());
+        }
+        const double time = json["t"].get<double>();
+        if (recording.frames.empty()) first_time = time;
+        add_frame(recording, frame, time - first_time, path, number);
+    }
+    return recording;
+}
+
+}  // namespace
+
+HandRecording read_hand_recording(const std::filesystem::path& path, const std::string& hand) {
+    if (!std::filesystem::is_regular_file(path)) throw InputError(path.string() + ": no such file");
+    const std::string kind = path.extension().string();
+    HandRecording recording;
+    if (kind == ".csv") recording = read_csv(path, hand);
+    else if (kind == ".jsonl" || kind == ".json") recording = read_json_lines(path, hand);
+    else throw InputError(path.string() + ": unknown kind '" + kind + "'; expected .jsonl or .csv");
+    if (recording.frames.size() < 2) throw InputError(path.string() + ": fewer than two frames of the " + hand + " hand");
+    return recording;
+}
+
+TrackerPose::Sample sample_recording(const HandRecording& r, int finger, double time) {
+    TrackerPose::Sample s;
+    s.time = time;
+    if (r.frames.empty() || time < r.frames.front().time || time > r.frames.back().time) return s;
+    const auto next = std::lower_bound(r.frames.begin(), r.frames.end(), time, [](const HandRecording::Frame& f, double t) { return f.time < t; });
+    const HandRecording::Frame& b = *next;
+    const HandRecording::Frame& a = next == r.frames.begin() ? b : *std::prev(next);
+    if (!a.valid || !b.valid || b.time - a.time > 0.1) return s;
+    const double share = b.time > a.time ? (time - a.time) / (b.time - a.time) : 0;
+    const Pose<double>&pa = a.finger[finger], &pb = b.finger[finger];
+    s.pose = {pa.position + share * (pb.position - pa.position), slerp(pa.rotation, pb.rotation, share)};
+    s.valid = true;
+    return s;
+}
+
+}  // namespace palpate
