@@ -89,7 +89,7 @@ bool tick(ThimbleLoop& loop, double now) {
         const ThimbleMode wanted = loop.parked || s.age > loop.settings.rest_after ? ThimbleMode::resting
                                    : s.age > loop.settings.hold_after              ? ThimbleMode::holding
                                                                                    : ThimbleMode::following;
-        if (wanted != ThimbleMode::following && s.mode == ThimbleMode::following) ++s.stale;
+        if (!loop.parked && wanted != ThimbleMode::following && s.mode == ThimbleMode::following) ++s.stale;
         s.mode = wanted;
     }
     const Coordinates target = s.mode == ThimbleMode::following ? loop.newest.q

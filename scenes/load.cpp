@@ -42,7 +42,7 @@ void read_solver(Section s, Scene& scene) {
     SolverSettings& v = scene.spec.solver;
     const std::string preset = s.choice("preset", "reference", {"reference", "real-time"});
     if (preset == "real-time") {
-        v.newton_iterations = 2;
+        v.newton_iterations = 4;
         v.tolerance = 1e-4;
         v.multiplier_tolerance = 1e-3;
     }

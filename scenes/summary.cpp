@@ -46,7 +46,8 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
         if (!(m.finger == s.fingers[i])) continue;
         f.has_device = true;
         f.constrained_share = m.contact_solves ? double(m.constrained_solves) / double(m.contact_solves) : 0;
-        f.thimble_mode = name(s.loops[t]->status.mode);
+        const ThimbleStatus& status = s.loops[t]->status;
+        f.thimble_mode = status.faults ? "fault" : status.stale > 0 ? std::to_string(status.stale) + " times without a valid command" : "ok";
         const auto rms = series.column("matching_rms_mm"), matched = series.column("contact_matched");
         double sum = 0, count = 0;
         for (std::size_t k = 0; k < rms.size(); ++k)
@@ -132,7 +133,7 @@ nlohmann::json to_json(const Summary& s) {
         if (f.has_device) {
             k["matching_rms_mm"] = f.matching_rms_mm;
             k["constrained_share"] = f.constrained_share;
-            k["thimble_mode"] = f.thimble_mode;
+            k["thimble"] = f.thimble_mode;
         }
         j["fingers"].push_back(k);
     }

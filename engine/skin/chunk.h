@@ -106,7 +106,7 @@ struct SkinStatus {
 /// Settings of the solve; each approximation has a name.
 struct SolverSettings {
     double dt = 0.005;                 ///< [s]
-    int newton_iterations = 60;        ///< most linear solves in one step
+    int newton_iterations = 200;       ///< most linear solves in one step
     double tolerance = 1e-7;           ///< force residual, relative to the forces acting
     double multiplier_tolerance = 1e-5;///< pending change of multipliers, relative to the forces acting
     double multiplier_gate = 0.1;      ///< update multipliers once the residual is below this share of the change
