@@ -25,9 +25,12 @@ const char* name(ThimbleMode mode) {
 
 namespace {
 
-/// Largest speed from which braking by `acceleration`, a whole period each time, ends within `distance`.
+/// Largest speed for this period after which braking by A = `acceleration` dt per period still ends
+/// within `distance`: the periods' speeds v, v - A, v - 2A, ... must add up to no more than distance / dt.
 double braking_speed(double distance, double acceleration, double dt) {
-    return acceleration * dt * (std::sqrt(0.25 + 2 * distance / (acceleration * dt * dt)) - 0.5);
+    const double A = acceleration * dt, D = distance / dt;
+    const double m = std::floor(std::sqrt(0.25 + 2 * D / A) - 0.5);
+    return m * A + std::max(0.0, D - A * m * (m + 1) / 2) / (m + 1);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@ struct ContactState {
     R normal_multiplier;           ///< lambda_n >= 0 [N]
     Vec3<R> tangential_multiplier; ///< lambda_t, in the tangent plane [N], along the sample's slip
     R friction_radius;             ///< mu times the normal force of the last multiplier update [N]
+    Vec3<R> friction_normal;       ///< of the tangent plane of friction: the normal of the last multiplier update
 };
 
 template <class R>
@@ -24,7 +25,8 @@ struct ContactTerms {
 
 /// E = (max(0, lambda_n - k g)^2 - lambda_n^2) / 2k + friction: the contact is active by multiplier
 /// minus stiffness times the current gap, never by a predicted gap.
-/// Friction: E = (|s|^2 - max(0, |s| - r)^2) / 2k for the slip u_t of this step, r the lagged radius.
+/// Friction: E = (|s|^2 - max(0, |s| - r)^2) / 2k for the slip u_t of this step. Radius and tangent plane
+/// are lagged: were they to follow x, friction would have no potential and line searches would stall.
 template <class R>
 inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<R>& slip, const R& k,
                                      const ContactState<R>& state, bool with_friction) {
@@ -39,7 +41,7 @@ inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<
     t.tangential = {R(0), R(0), R(0)};
     if (!with_friction) return t;
 
-    const Vec3<R>& n = surface.normal;
+    const Vec3<R>& n = state.friction_normal;
     const Vec3<R> slip_t = slip - dot(n, slip) * n;
     const Vec3<R> multiplier = state.tangential_multiplier - dot(n, state.tangential_multiplier) * n;
     const Vec3<R> s = multiplier + k * slip_t;

@@ -51,6 +51,7 @@ void clear_slot(SkinChunk<T>& c, int slot) {
     clear(c.state.normal_multiplier, 1);
     clear(c.state.tangential_multiplier, 3);
     clear(c.state.friction_radius, 1);
+    clear(c.state.friction_normal, 3);
     clear(c.scratch.normal_candidate, 1);
     clear(c.scratch.tangential_candidate, 3);
     c.slots[slot] = {};

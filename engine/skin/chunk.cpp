@@ -36,12 +36,12 @@ void for_each_array(Chunk& c, Visit visit) {
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
-                    &s.tangential_multiplier, &s.friction_radius, &s.svd_guess, &s.penalty_scale})
+                    &s.tangential_multiplier, &s.friction_radius, &s.friction_normal, &s.svd_guess, &s.penalty_scale})
         visit(*a);
     auto& w = c.scratch;
     for (auto* a : {&w.start_position, &w.start_bone, &w.inertia_target, &w.bone_springs, &w.base_position,
                     &w.base_bone, &w.gradient, &w.pending, &w.direction, &w.permuted, &w.blocks, &w.limit_candidate,
-                    &w.normal_candidate, &w.tangential_candidate, &w.svd})
+                    &w.normal_candidate, &w.tangential_candidate, &w.contact_normal, &w.svd})
         visit(*a);
 }
 
@@ -70,14 +70,15 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     auto& s = c.state;
     make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
     make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
-    make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions);
+    make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions), make(s.friction_normal, 3 * frictions);
     make(s.svd_guess, 9 * E), make(s.penalty_scale, 1, T(1));
     auto& w = c.scratch;
     make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
     make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);
     make(w.gradient, 3 * unknowns), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * unknowns), make(w.permuted, 3 * unknowns);
     make(w.blocks, 9 * std::size_t(t.pattern.block_count)), make(w.limit_candidate, 9 * limits);
-    make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions), make(w.svd, 9 * E);
+    make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions);
+    make(w.contact_normal, 3 * frictions), make(w.svd, 9 * E);
 }
 
 namespace {

@@ -56,6 +56,7 @@ struct SkinState {
     LaneArray<T> normal_multiplier; ///< [slot][sample] [N]
     LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] [N]; empty without friction
     LaneArray<T> friction_radius;   ///< [slot][sample] [N]; empty without friction
+    LaneArray<T> friction_normal;   ///< [slot][sample][xyz] of the tangent plane; empty without friction
     LaneArray<T> svd_guess;         ///< [element][3x3] V of the last step: saves Jacobi sweeps
     LaneArray<T> penalty_scale;     ///< [1] grows where multipliers converge slowly
 };
@@ -77,6 +78,7 @@ struct SkinScratch {
     LaneArray<T> limit_candidate;   ///< [element][3x3] updated multipliers: the limits' stress
     LaneArray<T> normal_candidate;  ///< [slot][sample] normal force [N]
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]
+    LaneArray<T> contact_normal;    ///< [slot][sample][xyz] at the last evaluation; empty without friction
     LaneArray<T> svd;               ///< [element][3x3] V at the last evaluation
 };
 

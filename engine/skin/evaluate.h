@@ -50,13 +50,15 @@ inline void store_pose(ScalarOf<R>* p, const Pose<R>& pose) {
     store<R>(p + 6 * W, pose.rotation.z);
 }
 
-/// Penalty of a strain limit: it grows with the multiplier, so that T keeps two positive singular
+/// Penalty of a strain limit: it grows with the multiplier, so that the augmented Lagrangian stays convex
+/// against buckling (below about 2 |Lambda| / low equilibria under 1000 N became saddles; at 6 all of the tests'
+/// converge, at 20 Newton needs three times the iterations), and so that T keeps two positive singular
 /// values (svd3.h allows one negative) however strong the compression.
 template <class R>
 inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
     R squared(0);
     for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
-    return maximum(base, R(2) * square_root(squared) / low);
+    return maximum(base, R(6) * square_root(squared) / low);
 }
 
 /// Strain limit of one element. Adds to P and blocks, writes the updated multiplier.
@@ -235,11 +237,13 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
             const std::size_t i = slot * t.samples.size() + s;
             const Vec3<R> x = load_vec3<R>(&c.state.position[3 * node * W]);
             const SurfacePoint<R> surface = surface_point(object.shape, object.pose, x);
-            ContactState<R> state{load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0)};
+            ContactState<R> state{load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0), surface.normal};
             Vec3<R> slip{R(0), R(0), R(0)};
             if (friction) {
                 state.tangential_multiplier = load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
                 state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
+                state.friction_normal = load_vec3<R>(&c.state.friction_normal[3 * i * W]);
+                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], surface.normal);
                 slip = x - carried(object.motion, load_vec3<R>(&c.scratch.start_position[3 * node * W]));
             }
             const R k = load<R>(&c.rest.contact_penalty[s * W]) * scale;

@@ -52,10 +52,17 @@ void add_frame(HandRecording& recording, HandRecording::Frame frame, double time
     recording.frames.push_back(frame);
 }
 
+/// One line without the carriage return of files written on Windows.
+bool next_line(std::istream& in, std::string& line) {
+    if (!std::getline(in, line)) return false;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    return true;
+}
+
 HandRecording read_csv(const std::filesystem::path& path, const std::string& hand) {
     std::ifstream in(path);
     std::string line, cell;
-    if (!std::getline(in, line)) refuse(path, 1, "the file is empty");
+    if (!next_line(in, line)) refuse(path, 1, "the file is empty");
     std::map<std::string, int> column;
     std::istringstream head(line);
     for (int i = 0; std::getline(head, cell, ','); ++i) column[cell] = i;
@@ -77,7 +84,7 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
     HandRecording recording;
     const Matrix3d up = upright(true);
     double first_time = 0;
-    for (int number = 2; std::getline(in, line); ++number) {
+    for (int number = 2; next_line(in, line); ++number) {
         if (line.empty()) continue;
         std::vector<std::string> cells;
         std::istringstream row(line);
@@ -115,7 +122,7 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
     HandRecording recording;
     double scale = 1, first_time = 0;
     Matrix3d up = upright(true);
-    for (int number = 1; std::getline(in, line); ++number) {
+    for (int number = 1; next_line(in, line); ++number) {
         if (line.empty()) continue;
         const auto json = nlohmann::json::parse(line, nullptr, false);
         if (!json.is_object()) refuse(path, number, "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");

@@ -1,0 +1,185 @@
+// The thimble's promises.
+
+#include <random>
+#include <thread>
+
+#include "devices/drivers/simulated.h"
+#include "devices/loop.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+DeviceModel device() { return find_kind("chinello-3rrs")->defaults(); }
+
+/// Remembers what was sent; fails on request.
+class SpyDriver final : public Driver {
+  public:
+    SpyDriver(std::vector<Coordinates>& sent, bool& broken) : sent_(sent), broken_(broken) {}
+    DriverStatus send(const Coordinates& q, double) override {
+        if (broken_) return DriverStatus::fault;
+        sent_.push_back(q);
+        return DriverStatus::ok;
+    }
+    Coordinates actual(double) override { return sent_.empty() ? Coordinates::Zero(3) : sent_.back(); }
+
+  private:
+    std::vector<Coordinates>& sent_;
+    bool& broken_;
+};
+
+struct Bench {
+    std::vector<Coordinates> sent;
+    bool broken = false;
+    ThimbleLoop loop;
+    Bench() { initialise(loop, device(), {}, std::make_unique<SpyDriver>(sent, broken)); }
+    void publish(double time, double theta, bool valid = true) {
+        const Coordinates w = Eigen::Vector3d(theta, 0, 0.024);
+        loop.mailbox.publish({time, loop.model.kind->joints(loop.model, w).q, valid});
+    }
+};
+
+TEST(LimitCommand, AnySequenceStaysFiniteInRangeAndSlewLimited) {
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const Coordinates low = Eigen::Vector3d(-0.6, -0.5, -0.4), high = Eigen::Vector3d(0.6, 0.7, 0.3);
+    const SlewLimits limits{3, 60};
+    const double dt = 0.02, special[] = {NAN, INFINITY, -INFINITY, 1e300, -1e300, 0, 0.6, -0.6};
+    Coordinates q = Coordinates::Zero(3), v = Coordinates::Zero(3);
+    for (int i = 0; i < 1000000; ++i) {
+        Coordinates target(3);
+        for (int k = 0; k < 3; ++k) target[k] = i % 5 == 0 ? special[random() % 8] : (i % 3 ? 0.8 : 30.0) * u(random);
+        const Coordinates before = q, speed = v;
+        limit_command(target, low, high, limits, dt, q, v);
+        for (int k = 0; k < 3; ++k) {
+            ASSERT_TRUE(std::isfinite(q[k]) && std::isfinite(v[k]));
+            ASSERT_GE(q[k], low[k]);
+            ASSERT_LE(q[k], high[k]);
+            ASSERT_LE(std::abs(q[k] - before[k]), limits.velocity * dt * (1 + 1e-9));
+            ASSERT_LE(std::abs(v[k] - speed[k]), limits.acceleration * dt * (1 + 1e-9)) << "step " << i << " joint " << k;
+        }
+    }
+}
+
+TEST(LimitCommand, ReachesTheTargetWithoutOvershoot) {
+    Coordinates q = Coordinates::Zero(1), v = Coordinates::Zero(1);
+    const Coordinates low = Coordinates::Constant(1, -1), high = Coordinates::Constant(1, 1), target = Coordinates::Constant(1, 0.5);
+    for (int i = 0; i < 100; ++i) {
+        limit_command(target, low, high, {3, 60}, 0.02, q, v);
+        EXPECT_LE(q[0], 0.5 + 1e-12);
+    }
+    EXPECT_NEAR(q[0], 0.5, 1e-6);
+}
+
+TEST(ThimbleLoop, FollowsHoldsThenRests) {
+    Bench b;
+    double t = 0;
+    for (; t < 0.5; t += 0.02) b.publish(t, 0.1), tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::following);
+    const Coordinates wanted = b.loop.model.kind->joints(b.loop.model, Eigen::Vector3d(0.1, 0, 0.024)).q;
+    EXPECT_LT((b.loop.q - wanted).norm(), 1e-9);
+    const double silent = t;
+    for (; t < silent + 0.07; t += 0.02) tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::holding);
+    EXPECT_LT((b.loop.q - wanted).norm(), 1e-9);
+    for (; t < silent + 0.06 + 0.5; t += 0.02) tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::resting);
+    EXPECT_LT((b.loop.q - b.loop.rest_q).norm(), 1e-9) << "contact-free rest pose within 500 ms";
+    b.publish(t, 0.1);
+    tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::following);
+}
+
+TEST(ThimbleLoop, InvalidSolvesCountAsNone) {
+    Bench b;
+    for (double t = 0; t < 0.5; t += 0.02) b.publish(t, 0.1, false), tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::resting);
+    EXPECT_LT((b.loop.q - b.loop.rest_q).norm(), 1e-12);
+}
+
+TEST(ThimbleLoop, FaultsLatchUntilRearmed) {
+    Bench b;
+    double t = 0;
+    for (; t < 0.2; t += 0.02) b.publish(t, 0.1), tick(b.loop, t);
+    b.broken = true;
+    b.publish(t, 0.1);
+    tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::fault);
+    b.broken = false;
+    const std::size_t sent = b.sent.size();
+    for (double end = t + 0.4; t < end; t += 0.02) b.publish(t, 0.1), tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::fault);
+    EXPECT_EQ(b.sent.size(), sent) << "a latched fault sends nothing";
+    rearm(b.loop, t);
+    EXPECT_EQ(b.loop.q, b.sent.back()) << "from the actual pose";
+    b.publish(t, 0.1), tick(b.loop, t + 0.02);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::following);
+}
+
+TEST(ThimbleLoop, MissedTicksAreCountedNotCaughtUp) {
+    Bench b;
+    tick(b.loop, 0);
+    EXPECT_FALSE(tick(b.loop, 0.01));
+    EXPECT_TRUE(tick(b.loop, 0.105));
+    EXPECT_EQ(b.loop.status.misses, 4);
+    EXPECT_FALSE(tick(b.loop, 0.106)) << "no burst";
+    EXPECT_EQ(b.loop.status.ticks, 2);
+}
+
+TEST(ThimbleLoop, ParkingBringsTheRestPose) {
+    Bench b;
+    double t = 0;
+    for (; t < 0.3; t += 0.02) b.publish(t, 0.15), tick(b.loop, t);
+    park(b.loop);
+    for (double end = t + 0.5; t < end; t += 0.02) b.publish(t, 0.15), tick(b.loop, t);
+    EXPECT_LT((b.loop.q - b.loop.rest_q).norm(), 1e-9);
+}
+
+TEST(ThimbleLoop, RefusesBadSettings) {
+    ThimbleLoop loop;
+    EXPECT_THROW(initialise(loop, device(), {}, nullptr), std::invalid_argument);
+    std::vector<Coordinates> sent;
+    bool broken = false;
+    ThimbleLoopSettings bad;
+    bad.limits.velocity = NAN;
+    EXPECT_THROW(initialise(loop, device(), bad, std::make_unique<SpyDriver>(sent, broken)), std::invalid_argument);
+}
+
+TEST(SimulatedServo, QuantisesDelaysAndSlews) {
+    ServoModel servo;
+    servo.pulse_step_us = 10;
+    servo.delay_s = 0.05;
+    servo.slew_rad_per_s = 2;
+    auto driver = make_simulated_driver(servo, Coordinates::Zero(1));
+    driver->send(Coordinates::Constant(1, 0.3), 0);
+    EXPECT_EQ(driver->actual(0.04)[0], 0);
+    driver->actual(0.05);
+    EXPECT_NEAR(driver->actual(0.10)[0], 0.12, 0.021);  // slewing at 2 rad/s
+    const double settled = driver->actual(1.0)[0];
+    EXPECT_NEAR(settled * servo.us_per_rad / 10, std::round(settled * servo.us_per_rad / 10), 1e-9);
+    EXPECT_NEAR(settled, 0.3, 5.1 / servo.us_per_rad);
+}
+
+TEST(Mailbox, NewestWinsAcrossThreads) {
+    Mailbox<std::array<long, 8>> box;
+    std::array<long, 8> value{};
+    EXPECT_FALSE(box.take(value));
+    std::thread writer([&] {
+        for (long i = 1; i <= 200000; ++i) {
+            std::array<long, 8> message;
+            message.fill(i);
+            box.publish(message);
+        }
+    });
+    long last = 0;
+    while (last < 200000) {
+        if (!box.take(value)) continue;
+        for (long x : value) ASSERT_EQ(x, value[0]) << "torn message";
+        ASSERT_GT(value[0], last);
+        last = value[0];
+    }
+    writer.join();
+}
+
+}  // namespace
+}  // namespace palpate

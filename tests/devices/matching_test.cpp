@@ -1,0 +1,179 @@
+// Contact surface matching: distances, objective, the three methods, hostile problems.
+
+#include <numbers>
+#include <random>
+
+#include "devices/matching.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+constexpr double degree = std::numbers::pi / 180;
+using Eigen::Vector3d;
+
+DeviceModel device() { return find_kind("chinello-3rrs")->defaults(); }
+
+/// Points that a platform at w would flatten, and a rim of points above it that it does not touch.
+std::vector<MatchingPoint> points_on(const DeviceModel& m, const Coordinates& w, std::mt19937& random) {
+    const Platform p = m.kind->platform(m, w);
+    std::uniform_real_distribution<double> u(-1, 1);
+    std::vector<MatchingPoint> points;
+    for (int i = 0; i < 33; ++i) {
+        const bool touches = i < 14;
+        const double r = touches ? 0.005 : 0.010;
+        const Vector3d local(r * u(random), r * u(random), touches ? 0 : -0.002 - 0.002 * std::abs(u(random)));
+        points.push_back({p.centre + p.rotation * local, touches});
+    }
+    return points;
+}
+
+TEST(Distance, DerivativesAgreeWithDifferences) {
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> u(-0.02, 0.02);
+    for (int trial = 0; trial < 2000; ++trial) {
+        Platform p;
+        p.centre = Vector3d(u(random), u(random), u(random));
+        p.normal = Vector3d(u(random), u(random), u(random)).normalized();
+        const Vector3d x(u(random), u(random), u(random));
+        for (auto distance : {disk_distance, cone_distance}) {
+            const DiskDistance d = distance(x, p, 0.01);
+            for (int k = 0; k < 3; ++k) {
+                auto moved = [&](double h, bool normal) {
+                    Platform q = p;
+                    (normal ? q.normal : q.centre)[k] += h;
+                    return distance(x, q, 0.01).value;
+                };
+                // The formulas hold for normals of unit length; along them, to first order.
+                EXPECT_NEAR((moved(1e-8, false) - moved(-1e-8, false)) / 2e-8, d.dcentre[k], 1e-6);
+                const Vector3d tangent = (Vector3d::Unit(k) - p.normal[k] * p.normal).eval();
+                auto turned = [&](double h) {
+                    Platform q = p;
+                    q.normal = (p.normal + h * tangent).normalized();
+                    return distance(x, q, 0.01).value;
+                };
+                EXPECT_NEAR((turned(1e-7) - turned(-1e-7)) / 2e-7, d.dnormal.dot(tangent), 1e-6);
+            }
+        }
+    }
+}
+
+TEST(Distance, RegionsOfTheTruncatedCone) {
+    Platform p;
+    p.centre.setZero();
+    p.normal = Vector3d::UnitZ();
+    EXPECT_NEAR(cone_distance({0.001, 0, 0.003}, p, 0.01).value, 0.003, 1e-15);         // above the disk
+    EXPECT_NEAR(cone_distance({0.001, 0, -0.002}, p, 0.01).value, -0.002, 1e-15);       // below it: inside
+    EXPECT_NEAR(cone_distance({0.013, 0, 0.004}, p, 0.01).value, 0.005, 1e-15);         // nearest to the rim
+    EXPECT_NEAR(cone_distance({0.014, 0, 0}, p, 0.01).value, 0.004 / std::sqrt(2), 1e-15);  // beside the cone
+    EXPECT_NEAR(disk_distance({0.001, 0, -0.002}, p, 0.01).value, 0.002, 1e-15);
+    EXPECT_NEAR(disk_distance({0.013, 0, -0.004}, p, 0.01).value, 0.005, 1e-15);
+    // Continuous across every border.
+    std::mt19937 random(2);
+    std::uniform_real_distribution<double> u(-0.03, 0.03);
+    for (int i = 0; i < 20000; ++i) {
+        const Vector3d a(u(random), u(random), u(random)), step = 1e-7 * Vector3d(u(random), u(random), u(random)).normalized();
+        EXPECT_LE(std::abs(cone_distance(a, p, 0.01).value - cone_distance(a + step, p, 0.01).value), 1.0001e-7);
+    }
+}
+
+TEST(Objective, GradientAgreesWithDifferences) {
+    std::mt19937 random(3);
+    const DeviceModel m = device();
+    MatchingSettings settings;
+    settings.smoothing = 0.1;
+    for (int trial = 0; trial < 200; ++trial) {
+        std::uniform_real_distribution<double> u(-1, 1);
+        const Coordinates truth = Vector3d(10 * degree * u(random), 10 * degree * u(random), 0.024 + 0.002 * u(random));
+        const Coordinates w = Vector3d(10 * degree * u(random), 10 * degree * u(random), 0.024 + 0.002 * u(random));
+        const auto points = points_on(m, truth, random);
+        const MatchingObjective f = matching_objective(m, points, settings, m.rest, w);
+        for (int k = 0; k < 3; ++k) {
+            const double h = 1e-6 * m.kind->configuration_scale[k];
+            Coordinates a = w, b = w;
+            a[k] += h, b[k] -= h;
+            const double d = (matching_objective(m, points, settings, m.rest, a).value - matching_objective(m, points, settings, m.rest, b).value) / (2 * h);
+            EXPECT_LT(testing::relative_error(d, f.gradient[k], 1e-3 * f.gradient.cwiseAbs().maxCoeff()), 1e-5);
+        }
+    }
+}
+
+TEST(Matching, AllMethodsFindAReachablePlane) {
+    std::mt19937 random(4);
+    const DeviceModel m = device();
+    for (int trial = 0; trial < 100; ++trial) {
+        std::uniform_real_distribution<double> u(-1, 1);
+        const Coordinates truth = Vector3d(6 * degree * u(random), 8 * degree * u(random), 0.0245 + 0.0005 * u(random));
+        const auto points = points_on(m, truth, random);
+        for (MatchingMethod method : {MatchingMethod::constrained, MatchingMethod::unconstrained, MatchingMethod::plane}) {
+            const MatchingResult r = match(method, m, points, {}, m.rest);
+            EXPECT_EQ(r.status, MatchingStatus::matched);
+            EXPECT_LT((r.w - truth).cwiseQuotient(m.kind->configuration_scale).norm(), 2e-3) << "method " << int(method);
+            EXPECT_FALSE(r.constraint_active);
+        }
+    }
+}
+
+TEST(Matching, OutOfReachStaysInsideAndConstrainedCostsLeast) {
+    std::mt19937 random(5);
+    const DeviceModel m = device();
+    for (double roll : {38.0, 45.0, 55.0}) {
+        const auto points = points_on(m, Vector3d(0, roll * degree, 0.026), random);
+        double cost[3];
+        for (int k = 0; k < 3; ++k) {
+            const MatchingResult r = match(MatchingMethod(k), m, points, {}, m.rest);
+            EXPECT_TRUE(inside_workspace(m, r.w, 1e-6));
+            EXPECT_TRUE(r.constraint_active);
+            cost[k] = matching_objective(m, points, {}, m.rest, r.w).value;
+        }
+        EXPECT_LE(cost[0], cost[1] * (1 + 1e-6));
+        EXPECT_LE(cost[0], cost[2] * (1 + 1e-6));
+    }
+}
+
+TEST(Matching, WithoutContactTheDeviceRests) {
+    std::mt19937 random(6);
+    const DeviceModel m = device();
+    auto points = points_on(m, m.rest, random);
+    for (MatchingPoint& p : points) p.touches = false;
+    const MatchingResult r = match_constrained(m, points, {}, Vector3d(0.1, 0.1, 0.024));
+    EXPECT_EQ(r.status, MatchingStatus::no_contact);
+    EXPECT_EQ(r.w, m.rest);
+    EXPECT_EQ(match_constrained(m, {}, {}, m.rest).status, MatchingStatus::no_contact);
+}
+
+TEST(Matching, HostileProblemsNeverLeaveTheJointBox) {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const DeviceModel m = device();
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    for (int trial = 0; trial < 3000; ++trial) {
+        std::vector<MatchingPoint> points;
+        const int n = trial % 7 == 0 ? 1 : trial % 7 == 1 ? 3 : 40;
+        const double size = trial % 5 == 0 ? 10 : 0.02;
+        for (int i = 0; i < n; ++i) {
+            Vector3d x(size * u(random), size * u(random), 0.02 + size * u(random));
+            if (trial % 11 == 0) x.z() = 0.02;                  // coplanar
+            if (trial % 13 == 0) x.head<2>().setZero();         // one line
+            if (trial % 17 == 0 && i == 0) x.x() = nan;
+            points.push_back({x, trial % 3 == 0 || u(random) > 0});
+        }
+        const Coordinates start = Vector3d(u(random), u(random), 0.025 + 0.02 * u(random));
+        for (int k = 0; k < 3; ++k) {
+            const MatchingResult r = match(MatchingMethod(k), m, points, {}, start);
+            ASSERT_TRUE(r.w.allFinite() && r.q.allFinite()) << "trial " << trial;
+            ASSERT_GE(joint_margins(m, r.q).minCoeff(), 0);
+            ASSERT_LE(r.evaluations, 110);
+        }
+        if (trial % 17 != 0 && inside_workspace(m, start)) {
+            const MatchingResult r = match_constrained(m, points, {}, start);
+            const double before = matching_objective(m, points, {}, start, start).value;
+            if (r.status != MatchingStatus::no_contact) {
+                ASSERT_LE(matching_objective(m, points, {}, start, r.w).value, before * (1 + 1e-12) + 1e-12);
+            }
+        }
+    }
+}
+
+}  // namespace
+}  // namespace palpate

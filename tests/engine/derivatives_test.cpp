@@ -1,0 +1,246 @@
+// Every energy's gradient and curvature against central differences, relative 1e-6.
+
+#include "engine/bodies/pose_spring.h"
+#include "engine/contact/contact_terms.h"
+#include "engine/skin/evaluate.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::central_difference;
+using testing::relative_error;
+using Numbers = std::vector<double>;
+
+/// A random tetrahedron and a deformation of it.
+struct Element {
+    Vec3<double> g[3];
+    double volume = 1.0 / 6;
+    Numbers x;  ///< 12 coordinates
+};
+
+Element random_element(std::mt19937& random, double strength) {
+    std::uniform_real_distribution<double> u(-1, 1);
+    Element e;
+    // Rest: the unit corner tetrahedron, whose shape gradients are the unit vectors.
+    e.g[0] = {1, 0, 0}, e.g[1] = {0, 1, 0}, e.g[2] = {0, 0, 1};
+    const double corner[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    for (double c : corner) e.x.push_back(c + strength * u(random));
+    return e;
+}
+
+void unpack(const Numbers& x, Vec3<double> out[4]) {
+    for (int a = 0; a < 4; ++a) out[a] = {x[3 * a], x[3 * a + 1], x[3 * a + 2]};
+}
+
+/// Checks gradient and blocks of an isotropic energy; Terms(svd of F + shift) -> PrincipalTerms.
+template <class Terms>
+void check_element(const Element& e, const Mat3<double>& shift, double scale, Terms terms, bool with_curvature) {
+    auto svd_of = [&](const Numbers& x) {
+        Vec3<double> p[4];
+        unpack(x, p);
+        return signed_svd(deformation_gradient(p, e.g) + shift);
+    };
+    auto energy = [&](const Numbers& x) { return e.volume * terms(svd_of(x).sigma).energy; };
+    auto gradient = [&](const Numbers& x) {
+        const auto svd = svd_of(x);
+        Vec3<double> out[4] = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+        add_gradient(principal_to_matrix(svd, terms(svd.sigma).stress), e.g, e.volume, out);
+        return Numbers{out[0].x, out[0].y, out[0].z, out[1].x, out[1].y, out[1].z,
+                       out[2].x, out[2].y, out[2].z, out[3].x, out[3].y, out[3].z};
+    };
+    const Numbers g = gradient(e.x);
+    for (std::size_t i = 0; i < 12; ++i)
+        EXPECT_LT(relative_error(central_difference(energy, e.x, i, 1e-6), g[i], scale), 1e-6) << "component " << i;
+    if (!with_curvature) return;
+    const auto svd = svd_of(e.x);
+    ElementBlocks<double> blocks;
+    for (auto& b : blocks.block) b = Mat3<double>::zero();
+    add_stiffness(svd, terms(svd.sigma), e.g, e.volume, blocks);
+    for (int k = 0; k < 10; ++k)
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) {
+                const std::size_t row = 3 * block_pair[k][0] + i, column = 3 * block_pair[k][1] + j;
+                auto component = [&](const Numbers& x) { return gradient(x)[row]; };
+                EXPECT_LT(relative_error(central_difference(component, e.x, column, 1e-6), blocks.block[k][i][j], scale), 1e-6)
+                    << "block " << k << " entry " << i << j;
+            }
+}
+
+TEST(Derivatives, CorotationalForceAndHessian) {
+    std::mt19937 random(1);
+    for (int trial = 0; trial < 200; ++trial) {
+        // Up to strong deformation and inversion.
+        const Element e = random_element(random, trial < 100 ? 0.2 : 0.8);
+        check_element(e, Mat3<double>::zero(), 1e3,
+                      [](const Vec3<double>& s) { return corotational<Curvature::exact>(s, 1e3, 4e3); }, true);
+        if (HasFailure()) FAIL() << "trial " << trial;
+    }
+}
+
+TEST(Derivatives, StrainLimitForceAndHessian) {
+    std::mt19937 random(2);
+    std::uniform_real_distribution<double> u(-1, 1);
+    int checked = 0;
+    for (int trial = 0; trial < 300; ++trial) {
+        const Element e = random_element(random, 0.5);
+        Mat3<double> shift;
+        for (int i = 0; i < 9; ++i) shift.m[i / 3][i % 3] = 0.2 * u(random);
+        Vec3<double> p[4];
+        unpack(e.x, p);
+        const Vec3<double> tau = signed_svd(deformation_gradient(p, e.g) + shift).sigma;
+        // Away from the kinks, where the second derivative does not exist.
+        bool smooth = true;
+        for (int i = 0; i < 3; ++i) smooth = smooth && std::abs(tau[i] - 0.8) > 1e-3 && std::abs(tau[i] - 1.2) > 1e-3;
+        if (!smooth || std::abs(tau[1] + tau[2]) < 0.05) continue;
+        ++checked;
+        check_element(e, shift, 1e4, [](const Vec3<double>& t) { return strain_limit<Curvature::exact>(t, 0.8, 1.2, 1e4); }, true);
+        if (HasFailure()) FAIL() << "trial " << trial;
+    }
+    EXPECT_GT(checked, 200);
+}
+
+TEST(Derivatives, PositiveCurvatureHasNoNegativeEigenvalue) {
+    std::mt19937 random(3);
+    for (int trial = 0; trial < 1000; ++trial) {
+        const Element e = random_element(random, 1.5);
+        Vec3<double> p[4];
+        unpack(e.x, p);
+        const auto svd = signed_svd(deformation_gradient(p, e.g));
+        ElementBlocks<double> blocks;
+        for (auto& b : blocks.block) b = Mat3<double>::zero();
+        add_stiffness(svd, corotational<Curvature::positive>(svd.sigma, 1e3, 9e3), e.g, e.volume, blocks);
+        add_stiffness(svd, strain_limit<Curvature::positive>(svd.sigma, 0.8, 1.2, 1e5), e.g, e.volume, blocks);
+        Eigen::Matrix<double, 12, 12> H;
+        for (int k = 0; k < 10; ++k)
+            for (int i = 0; i < 3; ++i)
+                for (int j = 0; j < 3; ++j)
+                    H(3 * block_pair[k][0] + i, 3 * block_pair[k][1] + j) = H(3 * block_pair[k][1] + j, 3 * block_pair[k][0] + i) = blocks.block[k][i][j];
+        const auto eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 12, 12>>(H).eigenvalues();
+        EXPECT_GT(eigenvalues.minCoeff(), -1e-10 * eigenvalues.maxCoeff());
+    }
+}
+
+TEST(Derivatives, DistanceOfEveryShape) {
+    std::mt19937 random(4);
+    std::uniform_real_distribution<double> u(-0.05, 0.05);
+    const Pose<double> pose{{0.003, -0.002, 0.004}, normalised(Quaternion<double>{0.8, 0.3, -0.4, 0.2})};
+    for (const Shape& shape : {Shape{ShapeKind::plane, {}}, Shape{ShapeKind::box, {0.02, 0.015, 0.01}}, Shape{ShapeKind::sphere, {0.02, 0, 0}},
+                               Shape{ShapeKind::capsule, {0.012, 0.02, 0}}, Shape{ShapeKind::cylinder, {0.015, 0.02, 0}}})
+        for (int trial = 0; trial < 500; ++trial) {
+            const Numbers x{u(random), u(random), u(random)};
+            auto at = [&](const Numbers& y) { return surface_point(shape, pose, Vec3<double>{y[0], y[1], y[2]}); };
+            auto distance = [&](const Numbers& y) { return at(y).distance; };
+            const SurfacePoint<double> s = at(x);
+            EXPECT_NEAR(norm(s.normal), 1, 1e-12);
+            for (std::size_t i = 0; i < 3; ++i) {
+                const double d = central_difference(distance, x, i, 1e-8);
+                // At the medial axis of a box the two sides differ: there the difference is no derivative.
+                const double coarse = central_difference(distance, x, i, 1e-5);
+                if (std::abs(d - coarse) < 1e-4) {
+                    EXPECT_NEAR(d, s.normal[int(i)], 1e-6) << int(shape.kind);
+                }
+            }
+        }
+}
+
+TEST(Derivatives, ContactWithFriction) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const Shape plane{};
+    const Pose<double> pose{{0, 0, 0}, normalised(Quaternion<double>{0.9, 0.2, -0.3, 0.1})};
+    for (int trial = 0; trial < 300; ++trial) {
+        const ContactState<double> state{std::max(0.0, u(random)), {u(random), u(random), u(random)}, std::abs(u(random)), rotation_matrix(pose.rotation).column(2)};
+        const Vec3<double> start{1e-3 * u(random), 1e-3 * u(random), 1e-3 * u(random)};
+        auto terms = [&](const Numbers& x) {
+            const Vec3<double> p{x[0], x[1], x[2]};
+            return contact_terms(surface_point(plane, pose, p), p - start, 1e3, state, true);
+        };
+        auto energy = [&](const Numbers& x) { return terms(x).energy; };
+        const Numbers x{1e-3 * u(random), 1e-3 * u(random), 1e-3 * u(random)};
+        const ContactTerms<double> t = terms(x);
+        for (int i = 0; i < 3; ++i) {
+            EXPECT_LT(relative_error(central_difference(energy, x, std::size_t(i), 1e-8), t.gradient[i], 0.1), 1e-6);
+            for (int j = 0; j < 3; ++j) {
+                auto component = [&](const Numbers& y) { return terms(y).gradient[i]; };
+                EXPECT_LT(relative_error(central_difference(component, x, std::size_t(j), 1e-8), t.curvature[i][j], 100), 1e-5);
+            }
+        }
+    }
+}
+
+TEST(Derivatives, CouplingAndBoneSprings) {
+    std::mt19937 random(6);
+    std::normal_distribution<double> n;
+    for (int trial = 0; trial < 300; ++trial) {
+        auto pose = [&] { return Pose<double>{{n(random), n(random), n(random)}, normalised(Quaternion<double>{n(random), n(random), n(random), n(random)})}; };
+        const Pose<double> base = pose();
+        const PoseSpring<double> spring{3.0, 2.0, pose()};
+        const Vec3<double> r{n(random), n(random), n(random)}, node{n(random), n(random), n(random)};
+        auto moved = [&](const Numbers& y) {  // y: position, left rotation, node
+            return Pose<double>{base.position + Vec3<double>{y[0], y[1], y[2]}, rotation_step(Vec3<double>{y[3], y[4], y[5]}) * base.rotation};
+        };
+        auto terms_at = [&](const Numbers& y) {
+            const Pose<double> p = moved(y);
+            return bone_spring(node + Vec3<double>{y[6], y[7], y[8]}, p.position, rotation_matrix(p.rotation) * r, 5.0, true);
+        };
+        auto coupling = [&](const Numbers& y) { return pose_spring(spring, moved(y)).energy; };
+        auto bone = [&](const Numbers& y) { return terms_at(y).energy; };
+        const Numbers zero(9, 0.0);
+        const PoseTerms<double> t = pose_spring(spring, base);
+        const BoneSpringTerms<double> b = terms_at(zero);
+        for (int i = 0; i < 3; ++i) {
+            const auto k = std::size_t(i);
+            EXPECT_LT(relative_error(central_difference(coupling, zero, k, 1e-6), t.force[i], 1), 1e-6);
+            EXPECT_LT(relative_error(central_difference(coupling, zero, 3 + k, 1e-6), t.torque[i], 1), 1e-6);
+            EXPECT_LT(relative_error(central_difference(bone, zero, k, 1e-6), -b.node_gradient[i], 1), 1e-6);
+            EXPECT_LT(relative_error(central_difference(bone, zero, 3 + k, 1e-6), b.omega_gradient[i], 1), 1e-6);
+            EXPECT_LT(relative_error(central_difference(bone, zero, 6 + k, 1e-6), b.node_gradient[i], 1), 1e-6);
+            for (int j = 0; j < 3; ++j) {
+                // Second differences along rotations, which do not commute: the symmetric second derivative.
+                auto second = [&](auto f, std::size_t p, std::size_t q) {
+                    const double h = 1e-4;
+                    auto at = [&](double s, double u) { Numbers y = zero; y[p] += s, y[q] += u; return f(y); };
+                    return (at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4 * h * h);
+                };
+                EXPECT_NEAR(second(coupling, 3 + k, 3 + std::size_t(j)), i == j ? t.angular_curvature : 0, 1e-5);
+                EXPECT_NEAR(second(bone, 3 + k, 3 + std::size_t(j)), b.omega_omega[i][j], 2e-5);
+                EXPECT_NEAR(second(bone, 3 + k, 6 + std::size_t(j)), b.omega_node[i][j], 2e-5);
+            }
+        }
+    }
+}
+
+/// The whole incremental potential of a chunk, with limits, contact, friction and bone.
+TEST(Derivatives, WholePotential) {
+    const TetMesh mesh = testing::block_mesh(2, 2, 2, 0.005);
+    const Pose<double> bone{{0, 0, 0.004}, normalised(Quaternion<double>{1, 0.05, 0.02, -0.03})};
+    auto chunk = testing::make_chunk<double>(mesh, bone, {.low = 0.8, .high = 1.2, .friction = true});
+    chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5};
+    chunk.scratch.start_position = chunk.state.position;
+    chunk.scratch.inertia_target = chunk.state.position;
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> u(-1, 1);
+    for (double& x : chunk.state.position) x += 1e-3 * u(random);
+    for (double& m : chunk.state.limit_multiplier) m = 1e3 * u(random);
+    for (double& m : chunk.state.normal_multiplier) m = std::max(0.0, 0.05 * u(random));
+    for (double& m : chunk.state.friction_radius) m = 0.02;
+    for (std::size_t i = 2; i < chunk.state.friction_normal.size(); i += 3) chunk.state.friction_normal[i] = 1;
+    SolverSettings settings;
+    evaluate<double>(chunk, settings);
+    const auto gradient = chunk.scratch.gradient;
+    double scale = 0;
+    for (double g : gradient) scale = std::max(scale, std::abs(g));
+    for (std::size_t i = 0; i < chunk.state.position.size(); ++i) {
+        const double x = chunk.state.position[i], h = 1e-8;
+        chunk.state.position[i] = x + h;
+        const double high = evaluate<double>(chunk, settings).energy;
+        chunk.state.position[i] = x - h;
+        const double low = evaluate<double>(chunk, settings).energy;
+        chunk.state.position[i] = x;
+        EXPECT_NEAR((high - low) / (2 * h), gradient[i], 2e-6 * scale) << "coordinate " << i;
+    }
+}
+
+}  // namespace
+}  // namespace palpate

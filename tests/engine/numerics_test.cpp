@@ -1,0 +1,147 @@
+// Lanes, singular values, block Cholesky, tables.
+
+#include "engine/ecs/table.h"
+#include "engine/skin/block_cholesky.h"
+#include "engine/skin/isotropic.h"
+#include "engine/skin/svd3.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+Mat3<double> random_matrix(std::mt19937& random) {
+    std::normal_distribution<double> n;
+    Mat3<double> m;
+    for (int i = 0; i < 9; ++i) m.m[i / 3][i % 3] = n(random);
+    return m;
+}
+
+Eigen::Matrix3d eigen(const Mat3<double>& m) {
+    Eigen::Matrix3d e;
+    for (int i = 0; i < 9; ++i) e(i / 3, i % 3) = m.m[i / 3][i % 3];
+    return e;
+}
+
+void check_svd(const Mat3<double>& F) {
+    const auto svd = signed_svd(F);
+    const Eigen::Matrix3d U = eigen(svd.U), V = eigen(svd.V), S = Eigen::Vector3d(svd.sigma.x, svd.sigma.y, svd.sigma.z).asDiagonal();
+    const double size = eigen(F).norm() + 1e-300;
+    EXPECT_LT((U.transpose() * U - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+    EXPECT_LT((V.transpose() * V - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+    EXPECT_NEAR(U.determinant(), 1, 1e-12);
+    EXPECT_NEAR(V.determinant(), 1, 1e-12);
+    EXPECT_LT((U * S * V.transpose() - eigen(F)).norm(), 1e-13 * size);
+    EXPECT_GE(svd.sigma.x, svd.sigma.y * (1 - 1e-12));
+    EXPECT_GE(svd.sigma.y, std::abs(svd.sigma.z) * (1 - 1e-12) - 1e-15 * size);
+}
+
+TEST(Svd, RandomMatricesOfBothSigns) {
+    std::mt19937 random(1);
+    for (int i = 0; i < 20000; ++i) check_svd(random_matrix(random));
+}
+
+TEST(Svd, DegenerateMatrices) {
+    std::mt19937 random(2);
+    check_svd(Mat3<double>::zero());
+    check_svd(Mat3<double>::identity());
+    check_svd(-1.0 * Mat3<double>::identity());
+    for (int i = 0; i < 2000; ++i) {
+        const auto a = signed_svd(random_matrix(random));
+        for (Vec3<double> s : {Vec3<double>{1, 1, 1}, {1, 1, -1}, {2, 1, 1}, {2, 2, 1}, {1, 0, 0}, {1, 1, 0}, {1, 1e-6, 1e-12}, {1e6, 1, 1e-6}, {1e-150, 1e-151, 0}, {1e150, 1, -1}})
+            check_svd(principal_to_matrix(a, s));
+    }
+}
+
+TEST(Svd, LanesAgreeWithScalarBitForBit) {
+    using R = Lanes<double, 2>;
+    std::mt19937 random(3);
+    for (int i = 0; i < 2000; ++i) {
+        const Mat3<double> a = random_matrix(random), b = random_matrix(random);
+        Mat3<R> both;
+        for (int k = 0; k < 9; ++k) set_lane(both.m[k / 3][k % 3], 0, a.m[k / 3][k % 3]), set_lane(both.m[k / 3][k % 3], 1, b.m[k / 3][k % 3]);
+        const auto lanes = signed_svd(both);
+        const auto sa = signed_svd(a), sb = signed_svd(b);
+        for (int k = 0; k < 3; ++k) {
+            EXPECT_EQ(lane(lanes.sigma[k], 0), sa.sigma[k]);
+            EXPECT_EQ(lane(lanes.sigma[k], 1), sb.sigma[k]);
+        }
+    }
+}
+
+TEST(BlockCholesky, SolvesARandomSystem) {
+    std::mt19937 random(4);
+    std::uniform_int_distribution<int> pick(0, 39);
+    std::normal_distribution<double> n;
+    const int size = 40;
+    std::vector<std::vector<int>> adjacency(size);
+    for (int k = 0; k < 90; ++k) {
+        const int a = pick(random), b = pick(random);
+        if (a == b) continue;
+        adjacency[a].push_back(b);
+        adjacency[b].push_back(a);
+    }
+    const BlockPattern pattern = factor_pattern(adjacency);
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3 * size, 3 * size);
+    LaneArray<double> blocks(9 * std::size_t(pattern.block_count), 0.0);
+    for (int i = 0; i < size; ++i) {
+        for (int j : adjacency[i])
+            if (j < i) A.block<3, 3>(3 * i, 3 * j) = Eigen::Matrix3d::NullaryExpr([&] { return n(random); });
+        A.block<3, 3>(3 * i, 3 * i) = 60 * Eigen::Matrix3d::Identity();
+    }
+    A = Eigen::MatrixXd(A.selfadjointView<Eigen::Lower>());
+    for (int i = 0; i < size; ++i)
+        for (int j = 0; j <= i; ++j) {
+            const int b = pattern.find(i, j);
+            if (b < 0) continue;
+            for (int k = 0; k < 9; ++k) blocks[9 * b + k] = A(3 * i + k / 3, 3 * j + k % 3);
+        }
+    Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(3 * size, [&] { return n(random); });
+    LaneArray<double> x(right.data(), right.data() + right.size());
+    EXPECT_EQ(factor_blocks<double>(pattern, blocks.data()), 0);
+    solve_blocks<double>(pattern, blocks.data(), x.data());
+    EXPECT_LT((A * Eigen::Map<Eigen::VectorXd>(x.data(), 3 * size) - right).norm(), 1e-11 * right.norm());
+}
+
+TEST(BlockCholesky, CountsPivotsThatAreNotPositive) {
+    const BlockPattern pattern = factor_pattern({{}});
+    LaneArray<double> block{1, 0, 0, 0, -1, 0, 0, 0, 1};
+    EXPECT_EQ(factor_blocks<double>(pattern, block.data()), 1);
+    for (double x : block) EXPECT_TRUE(std::isfinite(x));
+}
+
+TEST(Lanes, ArithmeticAndMasks) {
+    using R = Lanes<float, 4>;
+    R a(2);
+    for (int i = 0; i < 4; ++i) set_lane(a, i, float(i));
+    const R b = select(a > R(1), a * R(2), -a);
+    EXPECT_EQ(lane(b, 0), 0);
+    EXPECT_EQ(lane(b, 1), -1);
+    EXPECT_EQ(lane(b, 3), 6);
+    EXPECT_EQ(bits_from_mask<R>(a >= R(2)), 0b1100u);
+    EXPECT_EQ(bits_from_mask<R>(mask_from_bits<R>(0b0110)), 0b0110u);
+    set_lane(a, 2, std::numeric_limits<float>::quiet_NaN());
+    EXPECT_EQ(bits_from_mask<R>(finite(a)), 0b1011u);
+    EXPECT_EQ(lane(square_root(R(9)), 1), 3);
+}
+
+TEST(Tables, IdsAreInvalidAfterDestructionAndRowsStayDense) {
+    EntityPool pool;
+    Table<int> table;
+    const EntityId a = pool.create(), b = pool.create(), c = pool.create();
+    table.add(a, 1), table.add(b, 2), table.add(c, 3);
+    EXPECT_TRUE(table.remove(a));
+    pool.destroy(a);
+    EXPECT_FALSE(pool.alive(a));
+    const EntityId d = pool.create();
+    EXPECT_EQ(d.index, a.index);
+    EXPECT_NE(d.generation, a.generation);
+    EXPECT_EQ(table.find(a), nullptr);
+    EXPECT_EQ(table.find(d), nullptr);
+    EXPECT_EQ(*table.find(b), 2);
+    EXPECT_EQ(*table.find(c), 3);
+    EXPECT_EQ(table.size(), 2u);
+    EXPECT_EQ(table.find(EntityId{}), nullptr);
+}
+
+}  // namespace
+}  // namespace palpate

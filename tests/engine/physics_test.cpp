@@ -1,0 +1,290 @@
+// Laws that the skin solver must keep.
+
+#include "engine/skin/evaluate.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::block_mesh;
+using testing::ChunkOptions;
+using testing::make_chunk;
+
+constexpr double pi = 3.14159265358979323846;
+
+/// Elastic forces alone at the chunk's current positions.
+LaneArray<double> elastic_forces(SkinChunk<double>& c) {
+    Evaluation<double> out;
+    std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
+    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
+    detail::add_elements(c, out);
+    return c.scratch.gradient;
+}
+
+double largest(const LaneArray<double>& a) {
+    double m = 0;
+    for (double x : a) m = std::max(m, std::abs(x));
+    return m;
+}
+
+TEST(Physics, RigidMotionGivesNoForce) {
+    const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
+    const double elastic_scale = 30e3 * 0.004 * 0.004;
+    for (double angle : {60.0, 180.0}) {
+        const double half = angle / 360 * pi;
+        const Pose<double> pose{{0.1, -0.2, 0.3}, {std::cos(half), std::sin(half) * 0.6, std::sin(half) * 0.8, 0}};
+        auto chunk = make_chunk<double>(mesh, pose, {});
+        EXPECT_LT(largest(elastic_forces(chunk)), 1e-10 * elastic_scale) << angle << " degrees";
+    }
+}
+
+TEST(Physics, InternalForcesSumToZeroInForceAndTorque) {
+    auto chunk = make_chunk<double>(block_mesh(2, 2, 2, 0.004), Pose<double>::identity(), {.low = 0.9, .high = 1.1});
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> u(-1e-3, 1e-3);
+    for (double& x : chunk.state.position) x += u(random);
+    const auto f = elastic_forces(chunk);
+    Vec3<double> force{0, 0, 0}, torque{0, 0, 0};
+    for (int i = 0; i < chunk.topology->node_count; ++i) {
+        const Vec3<double> fi = load_vec3<double>(&f[3 * i]);
+        force += fi;
+        torque += cross(load_vec3<double>(&chunk.state.position[3 * i]), fi);
+    }
+    EXPECT_LT(norm(force), 1e-12 * largest(f) * f.size());
+    EXPECT_LT(norm(torque), 1e-12 * largest(f) * f.size() * 0.01);
+}
+
+TEST(Physics, SingleTetrahedronFollowsTheClosedForm) {
+    // Free lateral contraction at stretch s: P = E (s - 1), lateral stretch 1 - nu (s - 1).
+    const double E = 1, nu = 0.3, s = 1.2, lateral = 1 - nu * (s - 1);
+    const double mu = E / (2 * (1 + nu)), lambda = E * nu / ((1 + nu) * (1 - 2 * nu));
+    const auto t = corotational<Curvature::exact>(Vec3<double>{s, lateral, lateral}, mu, lambda);
+    EXPECT_NEAR(t.stress.x, E * (s - 1), 1e-10);
+    EXPECT_NEAR(t.stress.y, 0, 1e-10);
+    EXPECT_NEAR(t.stress.z, 0, 1e-10);
+    EXPECT_NEAR(t.stress.x / 6, 0.0333333333333, 1e-10);  // nodal force of the unit tetrahedron, P / 6
+}
+
+TEST(Physics, PatchTestIsExact) {
+    auto chunk = make_chunk<double>(block_mesh(3, 3, 3, 0.004), Pose<double>::identity(), {});
+    const Mat3<double> A{{{1.04, 0.03, -0.02}, {0.01, 0.97, 0.04}, {-0.03, 0.02, 1.02}}};
+    for (int i = 0; i < chunk.topology->node_count; ++i) {
+        double* x = &chunk.state.position[3 * i];
+        store_vec3<double>(x, A * load_vec3<double>(x));
+    }
+    const auto f = elastic_forces(chunk);
+    const double scale = largest(f);
+    int inner = 0;
+    for (int i = 1; i < 3; ++i)
+        for (int j = 1; j < 3; ++j)
+            for (int k = 1; k < 3; ++k, ++inner)
+                EXPECT_LT(norm(load_vec3<double>(&f[3 * ((i * 4 + j) * 4 + k)])), 1e-12 * scale);
+    EXPECT_EQ(inner, 8);
+    EXPECT_GT(scale, 1e-3);
+}
+
+TEST(Physics, NothingMovesAtRest) {
+    const Pose<double> pose{{0.02, 0.01, 0.05}, normalised(Quaternion<double>{1, 0.3, -0.2, 0.5})};
+    auto chunk = make_chunk<double>(block_mesh(3, 2, 2, 0.004), pose, {});
+    const auto before = chunk.state.position;
+    for (int i = 0; i < 50; ++i) solve_skin(chunk, SolverSettings{});
+    for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(chunk.state.position[i], before[i], 1e-14);
+    EXPECT_TRUE(chunk.status[0].converged);
+    EXPECT_EQ(chunk.status[0].contact_force_N, 0);
+}
+
+double mechanical_energy(SkinChunk<double>& c, const SolverSettings& s) {
+    c.scratch.inertia_target = c.state.position;  // no inertia term: elastic, limit and coupling energy
+    double energy = evaluate<double>(c, s).energy;
+    for (int i = 0; i < c.topology->node_count; ++i) {
+        const Vec3<double> v = load_vec3<double>(&c.state.velocity[3 * i]);
+        energy += 0.5 * c.rest.mass[i] * dot(v, v);
+    }
+    return energy;
+}
+
+TEST(Physics, UnforcedEnergyNeverRises) {
+    std::mt19937 random(3);
+    std::normal_distribution<double> n;
+    for (double dt : {1e-3, 5e-3, 20e-3})
+        for (int trial = 0; trial < 5; ++trial) {
+            auto chunk = make_chunk<double>(block_mesh(3, 2, 2, 0.004), Pose<double>::identity(), {.limits = false});
+            for (double& x : chunk.state.position) x += 4e-4 * n(random);
+            for (double& v : chunk.state.velocity) v = 0.05 * n(random);
+            SolverSettings s;
+            s.dt = dt;
+            double last = mechanical_energy(chunk, s);
+            const double first = last;
+            for (int i = 0; i < 30; ++i) {
+                solve_skin(chunk, s);
+                const double now = mechanical_energy(chunk, s);
+                EXPECT_LE(now, last + 1e-9 * first) << "dt " << dt << " step " << i;
+                last = now;
+            }
+            EXPECT_LT(last, 0.9 * first);
+        }
+}
+
+/// Presses the block on a plane with the coupling's target `depth` below the touch.
+SkinChunk<double> pressed(double depth, double dt, const ChunkOptions& options, int steps, double friction = 0, double slide = 0) {
+    Pose<double> bone = Pose<double>::identity();
+    bone.position.z = 0.0061;
+    auto chunk = make_chunk<double>(block_mesh(4, 3, 3, 0.004), bone, options);
+    chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), friction};
+    SolverSettings s;
+    s.dt = dt;
+    s.newton_iterations = 400;
+    for (int i = 1; i <= steps; ++i) {
+        Pose<double> target = bone;
+        target.position.z -= depth * std::min(1.0, 2.0 * i / steps);
+        target.position.x += slide * std::max(0.0, 2.0 * i / steps - 1);
+        testing::aim_all(chunk, 2000, 20, target);
+        solve_skin(chunk, s);
+    }
+    return chunk;
+}
+
+TEST(Physics, StrainLimitsHoldUnderAnyCouplingForce) {
+    for (double force : {1.0, 10.0, 1000.0}) {
+        auto chunk = pressed(force / 2000 + 0.006, 5e-3, {.low = 0.6, .high = 1.4}, 60);
+        const SkinStatus& s = chunk.status[0];
+        EXPECT_LE(s.limit_violation, 1e-3) << force << " N";
+        EXPECT_LE(s.penetration_m, 2e-6) << force << " N";
+        EXPECT_GT(s.contact_force_N, 0.8 * force);
+        EXPECT_FALSE(s.reset);
+        EXPECT_TRUE(s.converged) << force << " N, residual " << s.residual_N;
+    }
+}
+
+TEST(Physics, TightLimitsAreActiveAndHold) {
+    auto chunk = pressed(0.0025, 5e-3, {.low = 0.9, .high = 1.1}, 60);
+    EXPECT_GT(chunk.status[0].limited_elements, 20);
+    EXPECT_LE(chunk.status[0].limit_violation, 1e-3);
+}
+
+TEST(Physics, ContactForceEqualsTheCouplingsAtRest) {
+    auto chunk = pressed(0.0025, 5e-3, {}, 120);
+    const double coupling = 2000 * (chunk.state.bone[2] - (0.0061 - 0.0025));
+    EXPECT_NEAR(chunk.status[0].contact_force_N, coupling, 1e-6 * coupling);
+    // Complementarity: force only where the gap is closed.
+    for (std::size_t s = 0; s < chunk.topology->samples.size(); ++s) {
+        const double gap = chunk.state.position[3 * chunk.topology->samples[s] + 2], force = chunk.state.normal_multiplier[s];
+        EXPECT_GE(force, 0);
+        EXPECT_LE(force * std::abs(gap), 1e-8);
+    }
+}
+
+TEST(Physics, TheSameForceAtRestForAnyTimeStep) {
+    const double reference = pressed(0.0025, 5e-3, {}, 200).status[0].contact_force_N;
+    EXPECT_NEAR(pressed(0.0025, 1e-3, {}, 1000).status[0].contact_force_N, reference, 1e-4 * reference);
+    EXPECT_NEAR(pressed(0.0025, 20e-3, {}, 60).status[0].contact_force_N, reference, 1e-4 * reference);
+}
+
+TEST(Physics, FrictionStaysInItsConeAndSlidesOnIt) {
+    auto chunk = pressed(0.0025, 5e-3, {.friction = true}, 120, 0.3, 0.01);
+    double normal = 0;
+    Vec3<double> tangential{0, 0, 0};
+    for (std::size_t s = 0; s < chunk.topology->samples.size(); ++s) {
+        const double f = chunk.state.normal_multiplier[s];
+        const Vec3<double> t = load_vec3<double>(&chunk.state.tangential_multiplier[3 * s]);
+        EXPECT_LE(norm(t), 0.3 * f + 1e-6);
+        normal += f;
+        tangential += t;
+    }
+    EXPECT_NEAR(tangential.x, 0.3 * normal, 0.01 * normal);  // dragged towards +x
+}
+
+TEST(Physics, RecoversFromScrambledStates) {
+    const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
+    std::mt19937 random(9);
+    std::normal_distribution<double> n;
+    for (int trial = 0; trial < 10; ++trial) {
+        auto chunk = make_chunk<double>(mesh, Pose<double>::identity(), {});
+        for (double& x : chunk.state.position) x = trial == 0 ? 0 : 0.01 * n(random);
+        for (int i = 0; i < 200; ++i) solve_skin(chunk, SolverSettings{});
+        for (int i = 0; i < chunk.topology->node_count; ++i)
+            for (int d = 0; d < 3; ++d) EXPECT_NEAR(chunk.state.position[3 * i + d], mesh.nodes[i][d], 1e-6) << "trial " << trial;
+    }
+}
+
+TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
+    const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
+    auto run = [&](bool poison) {
+        Pose<double> bone = Pose<double>::identity();
+        bone.position.z = 0.0045;
+        auto chunk = make_chunk<double>(mesh, bone, {.width = 4});
+        chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0};
+        Pose<double> target = bone;
+        target.position.z -= 0.002;
+        testing::aim_all(chunk, 2000, 2, target);
+        bool reset = false;
+        for (int i = 0; i < 30; ++i) {
+            if (poison && i == 10) chunk.state.position[3 * 5 * 4 + 2] = std::numeric_limits<double>::quiet_NaN();
+            solve_skin(chunk, SolverSettings{});
+            reset = reset || chunk.status[2].reset;
+        }
+        EXPECT_EQ(reset, poison);
+        return chunk;
+    };
+    const auto clean = run(false), poisoned = run(true);
+    for (std::size_t i = 0; i < clean.state.position.size(); ++i) {
+        EXPECT_TRUE(std::isfinite(poisoned.state.position[i]));
+        if (i % 4 != 2) {
+            EXPECT_EQ(clean.state.position[i], poisoned.state.position[i]) << "position " << i;
+        }
+    }
+}
+
+TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
+    const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
+    auto run = [&](int fingers) {
+        Pose<double> bone = Pose<double>::identity();
+        bone.position.z = 0.0045;
+        SkinChunk<double> chunk;
+        allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), 4, true, false, 1);
+        SkinParameters p;
+        p.mesh = &mesh;
+        p.has_limits = true;
+        p.limit_low = {0.8};
+        p.limit_high = {1.2};
+        for (int lane = 0; lane < fingers; ++lane) {
+            p.young_modulus = {30e3 * (1 + lane)};
+            set_lane(chunk, lane, lane, p, bone);
+        }
+        fill_empty_lanes(chunk);
+        chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0};
+        Pose<double> target = bone;
+        target.position.z -= 0.003;
+        testing::aim_all(chunk, 2000, 2, target);
+        for (int i = 0; i < 20; ++i) solve_skin(chunk, SolverSettings{});
+        return chunk;
+    };
+    const auto alone = run(1), beside = run(3);
+    for (std::size_t i = 0; i < alone.state.position.size(); i += 4) EXPECT_EQ(alone.state.position[i], beside.state.position[i]);
+    EXPECT_EQ(alone.status[0].newton_iterations, beside.status[0].newton_iterations);
+}
+
+TEST(Physics, SinglePrecisionAgreesWithDouble) {
+    const TetMesh mesh = block_mesh(4, 3, 3, 0.004);
+    Pose<double> bone = Pose<double>::identity();
+    bone.position.z = 0.0061;
+    auto d = make_chunk<double>(mesh, bone, {});
+    auto f = make_chunk<float>(mesh, bone, {});
+    d.slots[0] = f.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0};
+    SolverSettings s, loose;
+    loose.tolerance = 1e-3;
+    loose.multiplier_tolerance = 1e-3;
+    loose.newton_iterations = 6;
+    Pose<double> target = bone;
+    for (int i = 0; i < 60; ++i) {
+        target.position.z = 0.0061 - 0.0025 * std::min(1.0, i / 40.0);
+        testing::aim_all(d, 2000, 2, target);
+        testing::aim_all(f, 2000, 2, target);
+        solve_skin(d, s);
+        solve_skin(f, loose);
+    }
+    EXPECT_NEAR(f.status[0].contact_force_N, d.status[0].contact_force_N, 2e-3 * d.status[0].contact_force_N);
+}
+
+}  // namespace
+}  // namespace palpate

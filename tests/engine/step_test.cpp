@@ -1,0 +1,195 @@
+// World and step: determinism over threads, no allocation, trackers, what is built and what is not.
+
+#include <atomic>
+#include <cstring>
+#include <new>
+
+#include "engine/step.h"
+#include "tests/support.h"
+
+namespace {
+std::atomic<long> allocations{0};
+}  // namespace
+
+void* operator new(std::size_t size) {
+    ++allocations;
+    if (void* p = std::malloc(size ? size : 1)) return p;
+    throw std::bad_alloc();
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+    ++allocations;
+    if (void* p = std::aligned_alloc(std::size_t(alignment), (size + std::size_t(alignment) - 1) / std::size_t(alignment) * std::size_t(alignment))) return p;
+    throw std::bad_alloc();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+
+namespace palpate {
+namespace {
+
+SceneSpec scene_of(int fingers, bool device, double friction = 0.4) {
+    SceneSpec spec;
+    for (int i = 0; i < fingers; ++i) {
+        FingerSpec f;
+        f.name = "finger" + std::to_string(i);
+        f.mesh = testing::block_mesh(3, 2, 2, 0.004);
+        for (Point& p : f.mesh.nodes) p[0] *= 1 + 0.1 * i;  // same connectivity, other size
+        f.has_limits = true;
+        f.start.position = {0.03 * i, 0, 0.0045};
+        spec.fingers.push_back(std::move(f));
+        if (device) {
+            ThimbleSpec t;
+            t.finger = i;
+            t.model = find_kind("chinello-3rrs")->defaults();
+            t.model.mount.translation().z() = -0.004 + 0.0246;
+            spec.thimbles.push_back(t);
+        }
+    }
+    spec.objects.push_back({"table", {}, Pose<double>::identity(), friction});
+    spec.objects.push_back({"ball", {ShapeKind::sphere, {0.01, 0, 0}}, {{0.0, 0.0, -0.0095}, Quaternion<double>::identity()}, friction});
+    return spec;
+}
+
+void drive(World& world, oneapi::tbb::task_arena& arena, int steps) {
+    for (int k = 0; k < steps; ++k) {
+        for (std::size_t i = 0; i < world.skins.size(); ++i) {
+            TrackerPose& t = *world.tracker_poses.find(world.couplings[i].tracker);
+            t.incoming.pose = world.skins[i].start;
+            t.incoming.pose.position.z -= 2e-3 * std::min(1.0, k / 20.0);
+            t.incoming.pose.position.x += 1e-3 * std::max(0.0, (k - 20) / 20.0);
+            t.incoming.time = world.time;
+            t.incoming.valid = true;
+        }
+        step(world, arena);
+    }
+}
+
+TEST(Step, SameBitsForAnyNumberOfThreads) {
+    std::vector<World> worlds;
+    for (int threads : {1, 2, 4}) {
+        worlds.push_back(build_world(scene_of(6, true)));
+        oneapi::tbb::task_arena arena(threads);
+        drive(worlds.back(), arena, 40);
+    }
+    auto compare = [](const char* array, const auto& a, const auto& b) {
+        ASSERT_EQ(a.size(), b.size());
+        for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << array << "[" << i << "] depends on the number of threads";
+    };
+    double force = 0;
+    for (const ContactSurface& c : worlds[0].contact_surfaces) force += c.normal_force;
+    EXPECT_GT(force, 0.1);
+    for (std::size_t w = 1; w < worlds.size(); ++w) {
+        for (std::size_t c = 0; c < worlds[0].double_chunks.size(); ++c) {
+            compare("position", worlds[0].double_chunks[c].state.position, worlds[w].double_chunks[c].state.position);
+            compare("velocity", worlds[0].double_chunks[c].state.velocity, worlds[w].double_chunks[c].state.velocity);
+            compare("normal_multiplier", worlds[0].double_chunks[c].state.normal_multiplier, worlds[w].double_chunks[c].state.normal_multiplier);
+            compare("tangential_multiplier", worlds[0].double_chunks[c].state.tangential_multiplier, worlds[w].double_chunks[c].state.tangential_multiplier);
+        }
+        for (std::size_t t = 0; t < worlds[0].matchings.size(); ++t)
+            EXPECT_EQ(worlds[0].matchings[t].result.w, worlds[w].matchings[t].result.w) << "configuration of thimble " << t;
+    }
+}
+
+TEST(Step, DoesNotAllocate) {
+    // One chunk and no thimble: no oneTBB task, no NLopt, so nothing at all may allocate.
+    World world = build_world(scene_of(1, false));
+    oneapi::tbb::task_arena arena(1);
+    drive(world, arena, 10);
+    const long before = allocations;
+    drive(world, arena, 30);
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(world.contact_surfaces[0].normal_force, 0.01);
+}
+
+TEST(Step, FingersOfOneConnectivityShareChunks) {
+    const World world = build_world(scene_of(5, false));
+    int lanes = 0;
+    for (const auto& c : world.double_chunks) lanes += c.width;
+    EXPECT_GE(lanes, 5);
+    EXPECT_LE(int(world.double_chunks.size()), 3);
+    for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(world.skins[i].name, "finger" + std::to_string(i));
+}
+
+TEST(Step, WhatIsNotNamedIsNotBuilt) {
+    const World plain = build_world(scene_of(2, false, 0));
+    EXPECT_TRUE(plain.matchings.empty());
+    EXPECT_TRUE(plain.device_links.empty());
+    for (const auto& c : plain.double_chunks) EXPECT_TRUE(c.state.tangential_multiplier.empty());
+    SceneSpec bare = scene_of(2, true);
+    bare.objects.clear();
+    for (FingerSpec& f : bare.fingers) f.has_limits = false;
+    const World world = build_world(bare);
+    EXPECT_TRUE(world.matchings.empty()) << "a thimble on a finger that cannot touch anything";
+    for (const auto& c : world.double_chunks) {
+        EXPECT_TRUE(c.state.normal_multiplier.empty());
+        EXPECT_TRUE(c.state.limit_multiplier.empty());
+    }
+}
+
+TEST(Trackers, BadSamplesAreCountedAndNeverUsed) {
+    World world = build_world(scene_of(1, false));
+    oneapi::tbb::task_arena arena(1);
+    drive(world, arena, 2);
+    TrackerPose& t = world.tracker_poses[0];
+    const Pose<double> good = t.newest.pose;
+    auto offer = [&](const TrackerPose::Sample& s) {
+        t.incoming = s;
+        step(world, arena);
+        EXPECT_EQ(std::memcmp(&t.newest.pose, &good, sizeof good), 0);
+    };
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    offer({{{nan, 0, 0}, Quaternion<double>::identity()}, world.time, true});
+    offer({{{0, 0, 0}, {0, 0, 0, 0}}, world.time, true});
+    offer({{{0, 0, 1e300}, {1, nan, 0, 0}}, world.time, true});
+    EXPECT_EQ(t.not_finite, 3);
+    offer({good, t.newest.time - 1, true});
+    EXPECT_EQ(t.backward, 1);
+    offer({good, world.time, false});
+    EXPECT_EQ(t.missing, 1);
+    for (double x : world.double_chunks[0].state.position) EXPECT_TRUE(std::isfinite(x));
+}
+
+TEST(Trackers, OppositeQuaternionsAreOneRotation) {
+    auto run = [](bool alternate) {
+        World world = build_world(scene_of(1, false));
+        oneapi::tbb::task_arena arena(1);
+        for (int k = 0; k < 20; ++k) {
+            TrackerPose& t = world.tracker_poses[0];
+            t.incoming = {world.skins[0].start, world.time, true};
+            t.incoming.pose.rotation = normalised(Quaternion<double>{0.9, 0.1, 0.2, 0.05 * k});
+            Quaternion<double>& q = t.incoming.pose.rotation;
+            if (alternate && k % 2) q = {-q.w, -q.x, -q.y, -q.z};
+            step(world, arena);
+        }
+        return finger_positions(world, world.skins.owner(0));
+    };
+    EXPECT_EQ(run(false), run(true));
+}
+
+TEST(Trackers, ATeleportIsSlowedDown) {
+    World world = build_world(scene_of(1, false));
+    oneapi::tbb::task_arena arena(1);
+    drive(world, arena, 5);
+    TrackerPose& t = world.tracker_poses[0];
+    t.incoming.pose.position = {1, 1, 1};
+    t.incoming.time = world.time;
+    const Vec3<double> before = world.couplings[0].target.position;
+    step(world, arena);
+    EXPECT_LE(norm(world.couplings[0].target.position - before), world.couplings[0].max_speed * world.solver.dt * (1 + 1e-12));
+    EXPECT_EQ(world.couplings[0].slowed, 1);
+}
+
+TEST(Build, RefusesNonsenseWithSentences) {
+    SceneSpec spec = scene_of(1, false);
+    spec.fingers[0].poisson_ratio = 0.6;
+    spec.fingers[0].limit_low = 1.2;
+    spec.solver.dt = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(spec.validate().size(), 3u);
+    EXPECT_THROW(build_world(spec), std::invalid_argument);
+    EXPECT_TRUE(scene_of(1, true).validate().empty());
+}
+
+}  // namespace
+}  // namespace palpate

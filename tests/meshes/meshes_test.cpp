@@ -1,0 +1,204 @@
+// Surfaces, remeshing, TetGen in its helper, files: a failing and a passing twin of each bad input.
+
+#include <fstream>
+
+#include "meshes/finger_regions.h"
+#include "meshes/finger_shape.h"
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "meshes/remesh.h"
+#include "meshes/tetrahedralise.h"
+#include "scenes/finger_mesh.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::ScratchFolder;
+
+/// A cube of 20 mm as twelve triangles, in OBJ text with millimetres.
+const char* const cube_vertices = "v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 0\nv 0 0 20\nv 20 0 20\nv 20 20 20\nv 0 20 20\n";
+const char* const cube_faces = "f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
+
+class SurfaceFiles : public ::testing::Test {
+  protected:
+    std::filesystem::path write(const std::string& name, const std::string& text) {
+        const auto path = scratch_.path / name;
+        std::ofstream(path, std::ios::binary) << text;
+        return path;
+    }
+    /// The message a file is refused with; empty if it is accepted.
+    std::string refusal(const std::string& name, const std::string& text, const std::string& unit = "mm") {
+        try {
+            read_surface(write(name, text), unit);
+            return "";
+        } catch (const InputError& error) {
+            return error.what();
+        }
+    }
+    ScratchFolder scratch_;
+};
+
+#define EXPECT_REFUSED(message, part) EXPECT_NE((message).find(part), std::string::npos) << "found: " << (message)
+
+TEST_F(SurfaceFiles, ACubeIsRead) {
+    const SurfaceFile f = read_surface(write("cube.obj", std::string(cube_vertices) + cube_faces), "mm");
+    EXPECT_NEAR(volume(f.surface), 8e-6, 1e-15);
+    EXPECT_EQ(f.surface.vertices.size(), 8u);
+    EXPECT_TRUE(read_surface(write("cube.obj", std::string(cube_vertices) + cube_faces)).unit_was_guessed);
+    EXPECT_EQ(read_surface(write("cube.obj", std::string(cube_vertices) + cube_faces)).unit, "mm");
+}
+
+TEST_F(SurfaceFiles, BadObjIsRefused) {
+    EXPECT_REFUSED(refusal("empty.obj", ""), "empty");
+    EXPECT_REFUSED(refusal("nothing.obj", "# no geometry\n"), "0 triangles");
+    EXPECT_REFUSED(refusal("index.obj", std::string(cube_vertices) + cube_faces + "f 1 2 9\n"), "line 21");
+    EXPECT_REFUSED(refusal("nan.obj", "v 0 0 nan\n" + std::string(cube_vertices) + cube_faces), "line 1");
+    EXPECT_REFUSED(refusal("cut.obj", std::string(cube_vertices) + "f 1 3\n"), "truncated");
+    std::string open(cube_faces);
+    EXPECT_REFUSED(refusal("open.obj", std::string(cube_vertices) + open.substr(open.find('\n') + 1)), "open");
+    EXPECT_REFUSED(refusal("crowded.obj", std::string(cube_vertices) + "v 10 10 40\n" + cube_faces + "f 1 3 9\n"), "non-manifold");
+    EXPECT_REFUSED(refusal("huge.obj", std::string(cube_vertices) + cube_faces, "m"), "unit");
+    EXPECT_REFUSED(refusal("unit.obj", std::string(cube_vertices) + cube_faces, "inch"), "unknown unit");
+    EXPECT_THROW(read_surface(scratch_.path / "absent.obj"), InputError);
+    EXPECT_REFUSED(refusal("kind.xyz", "1 2 3"), "unknown kind");
+}
+
+TEST_F(SurfaceFiles, InvertedAndCrossingSurfacesAreRefused) {
+    std::string inward;
+    for (const char* face : {"f 1 2 3", "f 1 3 4", "f 5 7 6", "f 5 8 7", "f 1 6 2", "f 1 5 6", "f 2 7 3", "f 2 6 7", "f 3 8 4", "f 3 7 8", "f 4 5 1", "f 4 8 5"})
+        inward += std::string(face) + "\n";
+    EXPECT_REFUSED(refusal("inward.obj", std::string(cube_vertices) + inward), "inside out");
+    // The top corner pushed through the bottom.
+    std::string crossed(cube_vertices);
+    crossed.replace(crossed.find("v 20 20 20"), 10, "v 5 5 -20");
+    EXPECT_REFUSED(refusal("crossed.obj", crossed + cube_faces), "intersects itself");
+    std::string two(cube_vertices);
+    EXPECT_REFUSED(refusal("parts.obj", two + "v 30 0 0\nv 40 0 0\nv 30 10 0\nv 30 0 10\n" + cube_faces + "f 9 11 10\nf 9 10 12\nf 9 12 11\nf 10 11 12\n"), "2 separate parts");
+}
+
+TEST_F(SurfaceFiles, TruncatedBinaryAndHeadersThatLieAreRefused) {
+    std::string stl(84, '\0');
+    stl[80] = 12;
+    EXPECT_REFUSED(refusal("cut.stl", stl + std::string(100, '\0')), "truncated");
+    EXPECT_REFUSED(refusal("ascii.stl", "solid x\nfacet normal 0 0 1\n"), "endsolid");
+    EXPECT_REFUSED(refusal("liar.off", "OFF\n900000000 900000000 0\n0 0 0\n"), "truncated");
+    EXPECT_REFUSED(refusal("liar.ply", "ply\nformat ascii 1.0\nelement vertex 1000000\nelement face 1000000\nend_header\n"), "truncated");
+    EXPECT_REFUSED(refusal("not.off", "FFO\n1 1 0\n"), "expected 'OFF'");
+    // The passing twin: a cube in OFF.
+    std::string off = "OFF\n8 12 0\n0 0 0\n20 0 0\n20 20 0\n0 20 0\n0 0 20\n20 0 20\n20 20 20\n0 20 20\n";
+    for (const char* f : {"0 2 1", "0 3 2", "4 5 6", "4 6 7", "0 1 5", "0 5 4", "1 2 6", "1 6 5", "2 3 7", "2 7 6", "3 0 4", "3 4 7"}) off += std::string("3 ") + f + "\n";
+    EXPECT_EQ(refusal("cube.off", off), "");
+    EXPECT_NE(refusal("cut.off", off.substr(0, off.size() - 30)), "");
+}
+
+TEST(Finger, ShapesAreClosedSoundAndSymmetric) {
+    for (const char* name : {"thumb", "index", "middle", "ring", "little"}) {
+        const Surface s = finger_surface(finger_shape(name));
+        EXPECT_TRUE(check_surface(s).empty()) << name;
+        EXPECT_GT(volume(s), 1.5e-6);
+        const auto box = bounds(s.vertices);
+        EXPECT_NEAR(box[0][1], -box[1][1], 1e-12);
+    }
+    EXPECT_THROW(finger_shape("toe"), InputError);
+    FingerShape bad;
+    bad.length = 1;
+    EXPECT_THROW(finger_surface(bad), InputError);
+}
+
+TEST(Remesh, KeepsVolumeAndTopology) {
+    const Surface finger = finger_surface(finger_shape("index"));
+    const TriangleTree tree(finger);
+    for (double edge : {0.0042, 0.0024}) {
+        const Surface s = remesh(tree, edge);
+        EXPECT_TRUE(check_surface(s).empty());
+        EXPECT_NEAR(volume(s), volume(finger), 1e-6 * volume(finger));
+        EXPECT_EQ(int(s.vertices.size()) - int(s.triangles.size()) / 2, 2);  // Euler, genus 0
+    }
+}
+
+TEST(Tetrahedralise, WantedCountAndQuality) {
+    const Surface finger = finger_surface(finger_shape("middle"));
+    for (int wanted : {347, 2000}) {
+        const TetMesh mesh = tetrahedralise(finger, {.elements = wanted});
+        EXPECT_NEAR(double(mesh.tets.size()), wanted, 0.1 * wanted);
+        const MeshQuality q = measure_quality(mesh);
+        EXPECT_NEAR(q.volume, volume(finger), 1e-3 * volume(finger));
+        EXPECT_GT(q.worst_dihedral_deg, 10);
+        EXPECT_TRUE(check_tets(mesh).empty());
+    }
+    EXPECT_THROW(tetrahedralise(finger, {.elements = 3}), InputError);
+}
+
+TEST(Tetgen, AHostileSurfaceOrATimeLimitIsAMessage) {
+    const Surface finger = finger_surface(finger_shape("middle"));
+    EXPECT_THROW(run_tetgen(Surface{}, "pY", {}), InputError);
+    Surface open = finger;
+    open.triangles.pop_back();
+    EXPECT_THROW(run_tetgen(open, "pY", {}), InputError);
+    try {
+        run_tetgen(finger, "pYq1.1a1e-15", {.time_limit_s = 0.3});
+        FAIL() << "a tetrahedralisation of millions of elements in 0.3 s";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("TetGen"), std::string::npos);
+    }
+    EXPECT_GT(run_tetgen(remesh(TriangleTree(finger), 0.004), "pY", {}).tets.size(), 50u);  // and works again
+}
+
+TEST(TetFiles, VtuRoundTrip) {
+    ScratchFolder scratch;
+    TetMesh mesh = testing::block_mesh(2, 2, 2, 0.005);
+    write_vtu(scratch.path / "a.vtu", mesh, {{"x", 1, std::vector<double>(mesh.nodes.size(), 1.5)}}, {});
+    const TetMesh back = read_tet_mesh(scratch.path / "a.vtu", "mm");
+    ASSERT_EQ(back.nodes.size(), mesh.nodes.size());
+    EXPECT_EQ(back.tets, mesh.tets);
+    for (std::size_t i = 0; i < mesh.nodes.size(); ++i)
+        for (int d = 0; d < 3; ++d) EXPECT_NEAR(back.nodes[i][d], mesh.nodes[i][d], 1e-10);
+    EXPECT_FALSE(std::filesystem::exists(scratch.path / "a.vtu.part"));
+    EXPECT_THROW(write_vtu(scratch.path / "no" / "such.vtu", mesh, {}, {}), InputError);
+}
+
+TEST(TetFiles, TetgenAndGmsh) {
+    ScratchFolder scratch;
+    auto write = [&](const char* name, const std::string& text) { std::ofstream(scratch.path / name) << text; return scratch.path / name; };
+    const std::string nodes = "5 3 0 0\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n5 10 10 10\n", tets = "2 4 0\n1 1 2 3 4\n2 2 3 4 5 \n";
+    write("a.node", nodes);
+    write("a.ele", tets);
+    EXPECT_THROW(read_tet_mesh(scratch.path / "a.node", "mm"), InputError);  // the second element is inverted
+    write("a.ele", "2 4 0\n1 1 2 3 4\n2 2 3 5 4\n");
+    try {
+        EXPECT_EQ(read_tet_mesh(scratch.path / "a.ele", "mm").tets.size(), 2u);
+    } catch (const InputError&) {
+        write("a.ele", "2 4 0\n1 1 2 3 4\n2 2 5 3 4\n");
+        EXPECT_EQ(read_tet_mesh(scratch.path / "a.ele", "mm").tets.size(), 2u);
+    }
+    const std::string msh2 = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n$EndNodes\n$Elements\n2\n1 2 2 1 1 1 2 3\n2 4 2 1 1 1 2 3 4\n$EndElements\n";
+    EXPECT_EQ(read_tet_mesh(write("b.msh", msh2), "mm").tets.size(), 1u);
+    const std::string msh4 = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 1 4\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n10 0 0\n0 10 0\n0 0 10\n$EndNodes\n$Elements\n1 1 1 1\n3 1 4 1\n1 1 2 3 4\n$EndElements\n";
+    EXPECT_EQ(read_tet_mesh(write("c.msh", msh4), "mm").tets.size(), 1u);
+    for (const std::string& bad : {msh2.substr(0, 90), std::string("$Nodes\n"), std::string("")}) EXPECT_THROW(read_tet_mesh(write("bad.msh", bad), "mm"), InputError);
+    EXPECT_THROW(read_tet_mesh(write("d.msh", msh2), "m"), InputError);  // 10 m large
+    std::string flat = msh2;
+    flat.replace(flat.find("4 0 0 10"), 8, "4 5 5 00");
+    EXPECT_THROW(read_tet_mesh(write("flat.msh", flat), "mm"), InputError);
+}
+
+TEST(RealFingers, MeshAtBothResolutions) {
+    PALPATE_NEED_SHARED_DATA(data);
+    for (const char* name : {"mh_index_distal.obj", "webxr_thumb_distal.obj"})
+        for (int wanted : {350, 2000}) {
+            FingerMeshRequest r;
+            r.source = FingerMeshRequest::Source::surface;
+            r.file = (data / "fingers" / name).string();
+            r.elements = wanted;
+            FingerTemplates templates;
+            std::string note;
+            const TetMesh mesh = make_finger_mesh(r, templates, note);
+            EXPECT_NEAR(double(mesh.tets.size()), wanted, 0.1 * wanted) << note;
+            EXPECT_TRUE(check_tets(mesh).empty());
+            EXPECT_NE(note.find("guessed"), std::string::npos);
+        }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,209 @@
+// The program as its users run it: exit codes, outputs, and the scenes of the repository.
+
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "meshes/mesh_files.h"
+#include "scenes/compare.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::ScratchFolder;
+
+struct Outcome {
+    int code;
+    std::string out;  ///< standard output and errors
+};
+
+Outcome palpate_program(const std::string& arguments) {
+    FILE* pipe = popen((std::string(PALPATE_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
+    Outcome o;
+    char buffer[4096];
+    for (std::size_t n; (n = fread(buffer, 1, sizeof buffer, pipe)) > 0;) o.out.append(buffer, n);
+    const int status = pclose(pipe);
+    o.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return o;
+}
+
+const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+
+TEST(Program, RunWritesEverythingItPromises) {
+    ScratchFolder scratch;
+    const auto out = scratch.path / "out";
+    const Outcome o = palpate_program("run " + scenes + "press.toml --json --duration 0.35 --out " + out.string());
+    ASSERT_EQ(o.code, 0) << o.out;
+    const auto j = nlohmann::json::parse(o.out);
+    EXPECT_GT(j["fingers"][0]["peak_force_N"].get<double>(), 0.1);
+    EXPECT_EQ(j["fingers"][0]["converged_share"].get<double>(), 1);
+    EXPECT_LE(j["fingers"][0]["worst_penetration_um"].get<double>(), 2);
+    for (const char* file : {"index.csv", "index.vtu", "steps.csv", "plots.svg", "picture.svg", "summary.json", "summary.txt"})
+        EXPECT_GT(std::filesystem::file_size(out / file), 100u) << file;
+    EXPECT_GT(read_tet_mesh(out / "index.vtu", "mm").tets.size(), 300u);
+    std::ifstream csv(out / "index.csv");
+    EXPECT_EQ(std::count(std::istreambuf_iterator<char>(csv), {}, '\n'), 71);
+}
+
+TEST(Program, BadInputIsExitCodeTwoWithAMessageAndNoOutput) {
+    ScratchFolder scratch;
+    const auto out = scratch.path / "out";
+    const auto bad = scratch.path / "bad.toml";
+    std::ofstream(bad) << "duration_s = \"long\"\n[[finger]]\nelments = 3\n";
+    for (const std::string& arguments : {"run " + bad.string() + " --out " + out.string(), "run absent.toml --out " + out.string(),
+                                         "run " + scenes + "press.toml --set dt_ms=1e9 --out " + out.string(), std::string("run"), std::string("fly"),
+                                         "mesh absent.obj --out " + out.string(), std::string("mesh toe"), std::string("device stewart"),
+                                         std::string("device chinello-3rrs --pose 1,2"), std::string("device chinello-3rrs --pose 1,x,3"),
+                                         std::string("device chinello-3rrs --pose 0,0,9999"), "compare " + bad.string() + " --out " + out.string(),
+                                         "explain " + bad.string(), "run " + scenes + "press.toml --threads 0"}) {
+        const Outcome o = palpate_program(arguments);
+        EXPECT_EQ(o.code, 2) << arguments << "\n" << o.out;
+        EXPECT_GT(o.out.size(), 10u) << arguments;
+        EXPECT_FALSE(std::filesystem::exists(out)) << arguments;
+    }
+    EXPECT_NE(palpate_program("run " + bad.string()).out.find("bad.toml:1:"), std::string::npos);
+}
+
+TEST(Program, DevicePrintsTheKnownPose) {
+    const auto j = nlohmann::json::parse(palpate_program("device chinello-3rrs --pose 8,-12,23.5 --json").out);
+    EXPECT_NEAR(j["q_rad"][0].get<double>(), -0.402154095, 1e-8);
+    EXPECT_NEAR(j["p_mm"][1].get<double>(), 0.291107405, 1e-8);
+    EXPECT_NEAR(j["n"][2].get<double>(), -0.968628336, 1e-8);
+    EXPECT_EQ(j["dq_dw"].size(), 3u);
+    EXPECT_TRUE(j["inside"].get<bool>());
+    const auto flat = nlohmann::json::parse(palpate_program("device chinello-3rrs --pose 0,0,24 --json").out);
+    EXPECT_NEAR(flat["dq_dw"][1][2].get<double>(), 0.098550109, 1e-8);
+    const auto w = nlohmann::json::parse(palpate_program("device chinello-3rrs --workspace --json").out);
+    EXPECT_NEAR(w["dz_min_mm"].get<double>(), 19.05, 0.01);
+    EXPECT_NEAR(w["dz_max_mm"].get<double>(), 30.60, 0.01);
+}
+
+TEST(Program, MeshReportsTheBuiltInFinger) {
+    ScratchFolder scratch;
+    const Outcome o = palpate_program("mesh index --json --out " + (scratch.path / "pad.vtu").string());
+    ASSERT_EQ(o.code, 0) << o.out;
+    const auto j = nlohmann::json::parse(o.out);
+    EXPECT_NEAR(j["elements"].get<double>(), 347, 35);
+    EXPECT_NEAR(j["volume_mm3"].get<double>(), j["surface_volume_mm3"].get<double>(), 1e-2 * j["surface_volume_mm3"].get<double>());
+    EXPECT_GT(j["pad_nodes"].get<int>(), 20);
+    EXPECT_TRUE(std::filesystem::exists(scratch.path / "pad.vtu"));
+}
+
+TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
+    const Outcome o = palpate_program("explain " + scenes + "press.toml");
+    EXPECT_EQ(o.code, 0);
+    EXPECT_NE(o.out.find("not built    friction"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("match_devices    for index"), std::string::npos) << o.out;
+}
+
+TEST(Program, InterruptedRunsEndInTheRestPoseWithResults) {
+    ScratchFolder scratch;
+    const Outcome o = palpate_program("run " + scenes + "hand.toml --quiet --out " + (scratch.path / "out").string() + " & pid=$!; sleep 0.8; kill -INT $pid; wait $pid; exit $?");
+    EXPECT_EQ(o.code, 130) << o.out;
+    EXPECT_TRUE(std::filesystem::exists(scratch.path / "out" / "summary.json"));
+}
+
+class EveryScene : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
+    Simulation s = make_simulation(load_scene(scenes + GetParam() + ".toml"), 2);
+    const std::atomic<bool> stop{false};
+    run(s, stop, {});
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        const Series& series = s.finger_series[i];
+        double peak = 0, converged = 0;
+        for (std::size_t r = 0; r < series.rows(); ++r) {
+            for (std::size_t c = 0; c < series.columns.size(); ++c) ASSERT_TRUE(std::isfinite(series.at(r, c))) << series.columns[c];
+            peak = std::max(peak, series.at(r, 1));
+        }
+        for (double c : series.column("converged")) converged += c;
+        EXPECT_GT(peak, 0.1);
+        EXPECT_GE(converged / double(series.rows()), 0.98);
+        for (double v : series.column("limit_violation")) EXPECT_LE(v, 1e-3);
+        EXPECT_EQ(s.finger_resets[i], 0);
+    }
+    for (const auto& loop : s.loops) EXPECT_EQ(loop->status.stale, 0);
+}
+INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene, ::testing::Values("press", "edge", "ball", "roll", "hand", "recorded_hand"), [](const auto& i) { return i.param; });
+
+TEST(RealTime, PresetStaysCloseToTheReference) {
+    auto forces = [](const std::vector<std::string>& overrides) {
+        Simulation s = make_simulation(load_scene(scenes + "hand.toml", overrides), 2);
+        const std::atomic<bool> stop{false};
+        run(s, stop, {});
+        return s.finger_series;
+    };
+    const auto reference = forces({}), fast = forces({"solver.preset=real-time"});
+    double error = 0, total = 0;
+    for (std::size_t f = 0; f < reference.size(); ++f)
+        for (std::size_t r = 0; r < reference[f].rows(); ++r) {
+            error += std::hypot(reference[f].at(r, 2) - fast[f].at(r, 2), reference[f].at(r, 3) - fast[f].at(r, 3), reference[f].at(r, 4) - fast[f].at(r, 4));
+            total += reference[f].at(r, 1);
+        }
+    EXPECT_LT(error, 0.02 * total);
+}
+
+TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
+    Simulation s = make_simulation(load_scene(scenes + "roll.toml"), 2);
+    const std::atomic<bool> stop{false};
+    const auto steps = compare(s, stop, {}).at(0);
+    double limit = 90, beyond[3] = {}, last_total = 0;
+    for (const ComparedStep& row : steps)
+        for (const MatchingResult& r : row.result)
+            if (r.constraint_active) limit = std::min(limit, std::abs(row.roll_deg));
+    EXPECT_GT(limit, 25);
+    EXPECT_LT(limit, 40);
+    int count = 0;
+    for (const ComparedStep& row : steps) {
+        for (int m = 0; m < 3; ++m) EXPECT_TRUE(row.converged[m]);
+        if (row.roll_deg < limit - 1) {
+            for (int m = 0; m < 3; ++m) EXPECT_LT(row.error_N[m], 0.10 * row.virtual_force_N) << "roll " << row.roll_deg << " method " << m;
+        } else if (row.roll_deg > 40) {
+            for (int m = 0; m < 3; ++m) beyond[m] += row.error_N[m];
+            last_total = row.virtual_force_N;
+            ++count;
+        }
+    }
+    ASSERT_GT(count, 10);
+    EXPECT_LT(beyond[0], 0.5 * beyond[1]);
+    EXPECT_LT(beyond[0], 0.5 * beyond[2]);
+    EXPECT_GT(last_total, 0.5);
+}
+
+TEST(RealData, TheRecordedHandDrivesFiveFingersToItsEnd) {
+    PALPATE_NEED_SHARED_DATA(data);
+    Simulation s = make_simulation(load_scene(scenes + "recorded_hand.toml", {"recording.file=\"" + std::filesystem::absolute(data / "tracking" / "pinch_57fps.csv").string() + "\"", "duration_s=2.3"}), 2);
+    ASSERT_NE(s.scene.recording, nullptr);
+    EXPECT_GT(s.scene.recording->frames.size(), 100u);
+    const std::atomic<bool> stop{false};
+    run(s, stop, {});
+    EXPECT_GE(s.world.time, s.scene.recording->frames.back().time - 0.1);
+    for (std::size_t i = 0; i < 5; ++i) {
+        EXPECT_EQ(s.finger_resets[i], 0);
+        EXPECT_GT(s.world.tracker_poses[i].accepted, 100);
+        for (double v : s.finger_series[i].column("limit_violation")) EXPECT_LE(v, 1e-3);
+    }
+}
+
+TEST(RealData, RealFingersPress) {
+    PALPATE_NEED_SHARED_DATA(data);
+    for (const char* name : {"mh_index_distal.obj", "webxr_thumb_distal.obj"})
+        for (int elements : {350, 2000}) {
+            ScratchFolder scratch;
+            const auto path = scratch.path / "real.toml";
+            std::ofstream(path) << "duration_s = 0.3\n[limits]\nlow = 0.6\nhigh = 1.4\n[[object]]\nkind = \"plane\"\n[[finger]]\nname = \"real\"\nelements = " << elements
+                                << "\nmesh = { surface = \"" << std::filesystem::absolute(data / "fingers" / name).string()
+                                << "\" }\ndevice = { kind = \"chinello-3rrs\" }\ntrack = [ { t_s = 0, position_mm = [0, 0, 9.5] }, { t_s = 0.3, position_mm = [0, 0, 6] } ]\n";
+            Simulation s = make_simulation(load_scene(path), 2);
+            const std::atomic<bool> stop{false};
+            run(s, stop, {});
+            EXPECT_GT(s.world.contact_surfaces[0].normal_force, 0.1) << name;
+            EXPECT_TRUE(skin_status(s.world, s.fingers[0]).converged);
+        }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,61 @@
+#pragma once
+// What several tests share: small meshes, chunks, finite differences.
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <random>
+#include <vector>
+
+#include "engine/build.h"
+#include "engine/skin/chunk.h"
+#include "engine/skin/solve_skin.h"
+
+namespace palpate::testing {
+
+/// A block of nx x ny x nz cubes of edge h, six tetrahedra each, centred at the origin. The top layer of
+/// nodes belongs to the bone, the bottom layer is the pad.
+TetMesh block_mesh(int nx, int ny, int nz, double h);
+
+/// A chunk of `width` fingers of one mesh, at rest with the bone at `bone`.
+struct ChunkOptions {
+    int width = 1;
+    bool limits = true;
+    double low = 0.7, high = 1.3;
+    bool friction = false;
+    int objects = 1;
+    double young = 30e3, poisson = 0.45;
+};
+template <class T>
+SkinChunk<T> make_chunk(const TetMesh& mesh, const Pose<double>& bone, const ChunkOptions& options);
+
+/// Aims all lanes' couplings: stiffness [N/m], angular stiffness [N m/rad]; no damper, no bone inertia.
+template <class T>
+void aim_all(SkinChunk<T>& chunk, double linear, double angular, const Pose<double>& target);
+
+/// Central difference of f along component i of x.
+double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x, std::size_t i, double h);
+
+/// Folder of real inputs, beside the checkout; empty where it is absent.
+std::filesystem::path shared_data();
+
+/// A scratch folder that is removed at the end of the test.
+class ScratchFolder {
+  public:
+    ScratchFolder();
+    ~ScratchFolder();
+    const std::filesystem::path path;
+};
+
+/// Relative distance of two numbers with an absolute floor.
+inline double relative_error(double a, double b, double floor) {
+    return std::abs(a - b) / std::max({std::abs(a), std::abs(b), floor});
+}
+
+#define PALPATE_NEED_SHARED_DATA(folder)                                     \
+    const std::filesystem::path folder = palpate::testing::shared_data();    \
+    if (folder.empty()) GTEST_SKIP() << "real inputs (shared/data) are not beside this checkout"
+
+}  // namespace palpate::testing
