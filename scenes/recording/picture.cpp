@@ -113,7 +113,7 @@ void paint_revolution(Painter& painter, const Pose<double>& pose, const std::vec
                 corners.push_back(as_eigen(transform(pose, Vec3<double>{r * std::cos(phi), r * std::sin(phi), z})));
             }
             const Vector3d normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalized();
-            if (painter.faces_viewer(normal)) painter.add(corners, "#7fb0d8a0", "#3a6ea540");
+            if (painter.faces_viewer(normal)) painter.add(corners, "#7fb0d84c", "#3a6ea540");
         }
 }
 
@@ -141,7 +141,7 @@ void paint_object(Painter& painter, const RigidShape& o, const Vector3d& middle)
                         corners.push_back(place(c.x * s.x, c.y * s.y, c.z * s.z));
                     }
                     Vector3d normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]) * side;
-                    if (painter.faces_viewer(normal.normalized())) painter.add(corners, "#7fb0d8a0", "#3a6ea5", s.x < 0.06 && s.y < 0.06);
+                    if (painter.faces_viewer(normal.normalized())) painter.add(corners, "#7fb0d84c", "#3a6ea5", s.x < 0.06 && s.y < 0.06);
                 }
             return;
         case ShapeKind::sphere:

@@ -10,7 +10,7 @@ namespace palpate {
 
 namespace {
 
-constexpr double width = 760, height = 380, left = 74, right = 190, top = 44, bottom = 54;
+constexpr double width = 800, height = 380, left = 74, right = 230, top = 44, bottom = 54;
 // Okabe and Ito's colours, told apart with any colour vision.
 const char* const colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"};
 

@@ -1,5 +1,7 @@
 // World and step: determinism over threads, no allocation, trackers, what is built and what is not.
 
+#include <oneapi/tbb/global_control.h>
+
 #include <atomic>
 #include <cstring>
 #include <new>
@@ -67,6 +69,7 @@ void drive(World& world, oneapi::tbb::task_arena& arena, int steps) {
 }
 
 TEST(Step, SameBitsForAnyNumberOfThreads) {
+    const oneapi::tbb::global_control four_threads(oneapi::tbb::global_control::max_allowed_parallelism, 4);
     std::vector<World> worlds;
     for (int threads : {1, 2, 4}) {
         worlds.push_back(build_world(scene_of(6, true)));

@@ -164,13 +164,13 @@ TEST(TetFiles, TetgenAndGmsh) {
     const std::string nodes = "5 3 0 0\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n5 10 10 10\n", tets = "2 4 0\n1 1 2 3 4\n2 2 3 4 5 \n";
     write("a.node", nodes);
     write("a.ele", tets);
-    EXPECT_THROW(read_tet_mesh(scratch.path / "a.node", "mm"), InputError);  // the second element is inverted
+    EXPECT_EQ(read_tet_mesh(scratch.path / "a.node", "mm").tets.size(), 2u);
     write("a.ele", "2 4 0\n1 1 2 3 4\n2 2 3 5 4\n");
     try {
-        EXPECT_EQ(read_tet_mesh(scratch.path / "a.ele", "mm").tets.size(), 2u);
-    } catch (const InputError&) {
-        write("a.ele", "2 4 0\n1 1 2 3 4\n2 2 5 3 4\n");
-        EXPECT_EQ(read_tet_mesh(scratch.path / "a.ele", "mm").tets.size(), 2u);
+        read_tet_mesh(scratch.path / "a.ele", "mm");
+        FAIL() << "the second element is inverted";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("is inverted"), std::string::npos) << error.what();
     }
     const std::string msh2 = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n$EndNodes\n$Elements\n2\n1 2 2 1 1 1 2 3\n2 4 2 1 1 1 2 3 4\n$EndElements\n";
     EXPECT_EQ(read_tet_mesh(write("b.msh", msh2), "mm").tets.size(), 1u);

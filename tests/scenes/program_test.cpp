@@ -112,19 +112,20 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
     Simulation s = make_simulation(load_scene(scenes + GetParam() + ".toml"), 2);
     const std::atomic<bool> stop{false};
     run(s, stop, {});
+    double peak = 0;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const Series& series = s.finger_series[i];
-        double peak = 0, converged = 0;
+        double converged = 0;
         for (std::size_t r = 0; r < series.rows(); ++r) {
             for (std::size_t c = 0; c < series.columns.size(); ++c) ASSERT_TRUE(std::isfinite(series.at(r, c))) << series.columns[c];
             peak = std::max(peak, series.at(r, 1));
         }
         for (double c : series.column("converged")) converged += c;
-        EXPECT_GT(peak, 0.1);
         EXPECT_GE(converged / double(series.rows()), 0.98);
         for (double v : series.column("limit_violation")) EXPECT_LE(v, 1e-3);
         EXPECT_EQ(s.finger_resets[i], 0);
     }
+    EXPECT_GT(peak, 0.1);
     for (const auto& loop : s.loops) EXPECT_EQ(loop->status.stale, 0);
 }
 INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene, ::testing::Values("press", "edge", "ball", "roll", "hand", "recorded_hand"), [](const auto& i) { return i.param; });
@@ -159,6 +160,7 @@ TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
     int count = 0;
     for (const ComparedStep& row : steps) {
         for (int m = 0; m < 3; ++m) EXPECT_TRUE(row.converged[m]);
+        if (row.virtual_force_N < 0.1) continue;
         if (row.roll_deg < limit - 1) {
             for (int m = 0; m < 3; ++m) EXPECT_LT(row.error_N[m], 0.10 * row.virtual_force_N) << "roll " << row.roll_deg << " method " << m;
         } else if (row.roll_deg > 40) {

@@ -1,0 +1,73 @@
+// The whole loop of the five-finger scene, tracker to mailbox: time per step and per system, and the error
+// of each setting against the converged reference of the same scene.
+
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+
+#include "scenes/simulation.h"
+
+namespace palpate {
+namespace {
+
+const std::string scene_file = PALPATE_SOURCE_DIR "/scenes/hand.toml";
+
+Simulation run_scene(const std::vector<std::string>& overrides, int threads) {
+    Simulation s = make_simulation(load_scene(scene_file, overrides), threads);
+    const std::atomic<bool> stop{false};
+    run(s, stop, {});
+    return s;
+}
+
+/// Forces of every finger and step of the reference, solved once.
+const std::vector<Series>& reference() {
+    static const std::vector<Series> series = run_scene({}, 2).finger_series;
+    return series;
+}
+
+/// Mean net force error over the run, relative to the mean contact force; and the largest [N].
+void report_error(benchmark::State& state, const std::vector<Series>& series) {
+    double error = 0, total = 0, worst = 0;
+    for (std::size_t f = 0; f < series.size(); ++f)
+        for (std::size_t r = 0; r < series[f].rows(); ++r) {
+            double squared = 0;
+            for (std::size_t c = 2; c <= 4; ++c) squared += std::pow(series[f].at(r, c) - reference()[f].at(r, c), 2);
+            error += std::sqrt(squared);
+            worst = std::max(worst, std::sqrt(squared));
+            total += reference()[f].at(r, 1);
+        }
+    state.counters["force_error_%"] = 100 * error / total;
+    state.counters["worst_error_N"] = worst;
+}
+
+void hand(benchmark::State& state, std::vector<std::string> overrides, int threads) {
+    reference();
+    for (auto _ : state) {
+        const Simulation s = run_scene(overrides, threads);
+        double total = 0;
+        for (std::size_t c = 1; c + 1 < s.step_series.columns.size(); ++c) {
+            double sum = 0;
+            for (double x : s.step_series.column(s.step_series.columns[c])) sum += x;
+            state.counters[s.step_series.columns[c]] = sum / double(s.step_series.rows());
+            total += sum;
+        }
+        state.SetIterationTime(1e-6 * total / double(s.step_series.rows()));
+        state.counters["steps_per_s"] = 1e6 * double(s.step_series.rows()) / total;
+        report_error(state, s.finger_series);
+    }
+}
+
+#define PALPATE_HAND(name, threads, ...) \
+    BENCHMARK_CAPTURE(hand, name, std::vector<std::string>{__VA_ARGS__}, threads)->Iterations(1)->UseManualTime()->Unit(benchmark::kMicrosecond)
+PALPATE_HAND(reference_2_threads, 2);
+PALPATE_HAND(reference_1_thread, 1);
+PALPATE_HAND(real_time_2_threads, 2, "solver.preset=real-time");
+PALPATE_HAND(real_time_1_thread, 1, "solver.preset=real-time");
+PALPATE_HAND(iterations_2, 2, "solver.preset=real-time", "solver.newton_iterations=2");
+PALPATE_HAND(iterations_3, 2, "solver.preset=real-time", "solver.newton_iterations=3");
+PALPATE_HAND(iterations_6, 2, "solver.preset=real-time", "solver.newton_iterations=6");
+PALPATE_HAND(iterations_10, 2, "solver.preset=real-time", "solver.newton_iterations=10");
+PALPATE_HAND(real_time_float, 2, "solver.preset=real-time", "solver.precision=float");
+
+}  // namespace
+}  // namespace palpate
