@@ -62,11 +62,6 @@ struct MatchingResult {
     bool constraint_active = false;  ///< a joint is at its limit
 };
 
-/// Workspace for one thimble; reused, so that a step does not allocate (SLSQP itself does).
-struct MatchingWorkspace {
-    std::vector<MatchingPoint> points;
-};
-
 /// Eq. 2: minimise f over w subject to C(q(w)) >= 0, from the warm start `previous`.
 MatchingResult match_constrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
 /// Minimise f without joint limits, then project onto the workspace.

@@ -137,21 +137,20 @@ Expected scan(const std::filesystem::path& path) {
     refuse(path, "unknown kind '" + kind + "'; expected .obj, .stl, .ply or .off");
 }
 
-/// Plain triangles, coincident vertices merged (STL has no connectivity; OpenMesh splits non-manifold vertices).
+/// Plain triangles, coincident vertices merged (STL has no connectivity; OpenMesh splits non-manifold
+/// vertices), vertices of no triangle left out.
 Surface to_surface(const FileMesh& mesh) {
     Surface s;
     std::map<Point, int> index;
-    std::vector<int> of_vertex(mesh.n_vertices());
-    for (auto v : mesh.vertices()) {
-        const auto& p = mesh.point(v);
-        const auto [it, is_new] = index.try_emplace({p[0], p[1], p[2]}, int(s.vertices.size()));
-        if (is_new) s.vertices.push_back(it->first);
-        of_vertex[v.idx()] = it->second;
-    }
     for (auto f : mesh.faces()) {
         std::array<int, 3> t{};
         int k = 0;
-        for (auto v : mesh.fv_range(f)) t[k++] = of_vertex[v.idx()];
+        for (auto v : mesh.fv_range(f)) {
+            const auto& p = mesh.point(v);
+            const auto [it, is_new] = index.try_emplace({p[0], p[1], p[2]}, int(s.vertices.size()));
+            if (is_new) s.vertices.push_back(it->first);
+            t[k++] = it->second;
+        }
         s.triangles.push_back(t);
     }
     return s;

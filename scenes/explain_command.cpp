@@ -20,7 +20,7 @@ void explain_chunks(const Scene& scene, const std::vector<SkinChunk<T>>& chunks,
         std::vector<std::string> names;
         for (int finger : c.finger)
             if (finger >= 0) names.push_back(scene.spec.fingers[finger].name);
-        std::printf("  chunk of %d lanes, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n", c.width, precision,
+        std::printf("  chunk of %d %s, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n", c.width, c.width == 1 ? "lane" : "lanes", precision,
                     joined(names).c_str(), c.topology->elements.size(), c.topology->node_count, c.topology->samples.size(),
                     c.topology->pattern.block_count, double(memory_bytes(c)) / 1e6);
     }

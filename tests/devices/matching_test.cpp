@@ -93,7 +93,7 @@ TEST(Objective, GradientAgreesWithDifferences) {
             Coordinates a = w, b = w;
             a[k] += h, b[k] -= h;
             const double d = (matching_objective(m, points, settings, m.rest, a).value - matching_objective(m, points, settings, m.rest, b).value) / (2 * h);
-            EXPECT_LT(testing::relative_error(d, f.gradient[k], 1e-3 * f.gradient.cwiseAbs().maxCoeff()), 1e-5);
+            EXPECT_LT(testing::relative_error(d, f.gradient[k], 1e-2 * f.gradient.cwiseAbs().maxCoeff()), 1e-6);
         }
     }
 }
