@@ -224,7 +224,8 @@ void apply_override(toml::table& root, const std::string& assignment, Problems& 
     } catch (const toml::parse_error&) {
         parsed = toml::table{{"v", value}};  // words need no quotes on a command line
     }
-    node->as_table()->insert_or_assign(keys.back(), std::move(*parsed.get("v")));
+    // A copy carries no line of the file: messages about it name the key alone.
+    parsed.get("v")->visit([&](const auto& v) { node->as_table()->insert_or_assign(keys.back(), v); });
 }
 
 }  // namespace palpate

@@ -56,7 +56,7 @@ Platform platform(const DeviceModel& model, const Coordinates& w) {
 /// reach give joints past their limits instead of NaN.
 struct Arc { double value, slope; };
 Arc extended_acos(double c) {
-    constexpr double edge = 1 - 1e-6;
+    constexpr double edge = 1 - 1e-8;
     const double inside = std::min(edge, std::max(-edge, c));
     const double slope = -1 / std::sqrt(1 - inside * inside);
     return {std::acos(inside) + slope * (c - inside), slope};

@@ -18,6 +18,7 @@ std::vector<std::string> SolverSettings::validate() const {
     need(multiplier_gate > 0 && multiplier_gate <= 1e3, "multiplier_gate must be between 0 and 1000");
     need(limit_tolerance >= 1e-8 && limit_tolerance <= 0.5, "limit_tolerance must be between 1e-8 and 0.5");
     need(contact_tolerance >= 1e-10 && contact_tolerance <= 1e-2, "contact_tolerance must be between 1e-7 and 10 mm");
+    need(sleep_speed >= 0 && sleep_speed <= 1e-2, "sleep_speed must be between 0 and 0.01 m/s");
     return wrong;
 }
 

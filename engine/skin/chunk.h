@@ -115,6 +115,8 @@ struct SolverSettings {
     double limit_tolerance = 1e-3;     ///< relative excess allowed over a strain limit
     double contact_tolerance = 2e-6;   ///< penetration allowed [m]
     bool inertia = true;               ///< false: static equilibrium
+    double sleep_speed = 1e-6;         ///< a chunk near no object, slower than this and with still targets, sleeps
+                                       ///< [m/s]; 0 = never
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;
 };
@@ -126,6 +128,8 @@ struct SkinChunk {
     unsigned used_lanes = 0;           ///< bit per lane that holds a finger
     bool has_limits = false;
     bool has_friction = false;
+    bool asleep = false;               ///< skipped by the last step: nothing near it, and nothing moves
+    std::array<T, 9 * 16> still_spring{};  ///< coupling spring of all lanes when it fell asleep
     std::vector<int> finger;           ///< [lane] row of the finger; -1 where empty
     std::vector<SkinStatus> status;    ///< [lane]
     std::array<ContactSlot, max_contact_slots> slots;

@@ -106,6 +106,33 @@ TEST(Step, DoesNotAllocate) {
     EXPECT_GT(world.contact_surfaces[0].normal_force, 0.01);
 }
 
+TEST(Step, AFingerFarFromEverythingSleepsUntilItsTargetMovesOrAnObjectComes) {
+    SceneSpec spec = scene_of(1, false);
+    spec.fingers[0].start.position.z = 0.2;
+    World world = build_world(spec);
+    oneapi::tbb::task_arena arena(1);
+    TrackerPose& t = world.tracker_poses[0];
+    auto advance = [&](const Pose<double>& pose, int steps) {
+        for (int k = 0; k < steps; ++k) t.incoming = {pose, world.time, true}, step(world, arena);
+    };
+    Pose<double> pose = spec.fingers[0].start;
+    advance(pose, 20);
+    EXPECT_TRUE(world.double_chunks[0].asleep);
+    const auto still = finger_positions(world, world.skins.owner(0));
+    advance(pose, 20);
+    EXPECT_EQ(finger_positions(world, world.skins.owner(0)), still);
+    pose.position.x += 0.01;
+    advance(pose, 1);
+    EXPECT_FALSE(world.double_chunks[0].asleep);
+    advance(pose, 400);
+    EXPECT_TRUE(world.double_chunks[0].asleep);
+    EXPECT_NEAR(finger_positions(world, world.skins.owner(0))[0][0], still[0][0] + 0.01, 1e-6);
+    world.shapes[1].pose.position = pose.position - Vec3<double>{0, 0, 0.0135};  // the ball comes from below
+    advance(pose, 3);
+    EXPECT_FALSE(world.double_chunks[0].asleep);
+    EXPECT_GT(world.contact_surfaces[0].normal_force, 0);
+}
+
 TEST(Step, FingersOfOneConnectivityShareChunks) {
     const World world = build_world(scene_of(5, false));
     int lanes = 0;
