@@ -65,7 +65,7 @@ inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
 template <class R>
 inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
                              const Vec3<R> g[3], const R& volume, Mat3<R>& P, ElementBlocks<R>& blocks,
-                             Mat3<R>& change, Evaluation<R>& out) {
+                             Mat3<R>& change, const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
     const Vec3<R>& s = svd.sigma;
@@ -95,7 +95,8 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
             shifted.sigma[i] = select(loaded, own.sigma[i], svd.sigma[i]);
         }
     }
-    const PrincipalTerms<R> terms = strain_limit<Curvature::positive>(shifted.sigma, low, high, k);
+    const PrincipalTerms<R> terms = blend_curvature(strain_limit<Curvature::exact>(shifted.sigma, low, high, k),
+                                                     strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
     const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
     P = P + stress;
     add_stiffness(shifted, terms, g, volume, blocks);
@@ -120,7 +121,7 @@ inline void scatter_stress(const Mat3<R>& P, const Vec3<R> g[3], const R& volume
 
 /// Elasticity and strain limit of every element.
 template <class R>
-inline void add_elements(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
@@ -133,8 +134,9 @@ inline void add_elements(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
         const SignedSvd<R> svd = signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W]));
         store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
 
-        const auto elastic = corotational<Curvature::positive>(svd.sigma, load<R>(&c.rest.mu[e * W]),
-                                                               load<R>(&c.rest.lambda[e * W]));
+        const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
+        const PrincipalTerms<R> elastic = blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
+                                                           corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
         out.energy += volume * elastic.energy;
         Mat3<R> P = principal_to_matrix(svd, elastic.stress);
         ElementBlocks<R> blocks;
@@ -142,7 +144,7 @@ inline void add_elements(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
         add_stiffness(svd, elastic, g, volume, blocks);
         if (c.has_limits) {
             Mat3<R> change = Mat3<R>::zero();
-            add_strain_limit(c, e, F, svd, g, volume, P, blocks, change, out);
+            add_strain_limit(c, e, F, svd, g, volume, P, blocks, change, exactness, out);
             scatter_stress(change, g, volume, nodes, c.scratch.pending.data());
         }
         scatter_stress(P, g, volume, nodes, c.scratch.gradient.data());
@@ -268,15 +270,16 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
 
 }  // namespace detail
 
+/// The Newton matrix is positive definite for exactness 0; for 1 it is exact, and may be indefinite.
 template <class R>
-inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, const R& exactness) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), T(0));
     std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
     Evaluation<R> out;
-    detail::add_elements(c, out);
+    detail::add_elements(c, exactness, out);
     if (settings.inertia) detail::add_inertia(c, T(1 / (settings.dt * settings.dt)), out);
     detail::add_bone(c, out);
     detail::add_contacts(c, out);

@@ -80,6 +80,14 @@ inline PrincipalTerms<R> strain_limit(const Vec3<R>& tau, const R& low, const R&
     return t;
 }
 
+/// Curvature between positive semidefinite (share 0) and exact (share 1).
+template <class R>
+inline PrincipalTerms<R> blend_curvature(const PrincipalTerms<R>& exact, const PrincipalTerms<R>& positive, const R& share) {
+    PrincipalTerms<R> t = positive;
+    for (int k = 0; k < 3; ++k) t.twist[k] = positive.twist[k] + share * (exact.twist[k] - positive.twist[k]);
+    return t;
+}
+
 /// First Piola-Kirchhoff stress of an isotropic energy: P = U diag(p) V^T [Pa].
 template <class R>
 inline Mat3<R> principal_to_matrix(const SignedSvd<R>& svd, const Vec3<R>& p) {

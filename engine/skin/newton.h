@@ -20,17 +20,23 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     store<R>(c.state.penalty_scale.data(), maximum(R(T(0.7)) * load<R>(c.state.penalty_scale.data()), R(1)));
     c.scratch.start_position = c.state.position;
     c.scratch.start_bone = c.state.bone;
-    for (int i = 0; i < 3 * t.node_count; ++i)
-        store<R>(&c.state.position[i * W], load<R>(&c.state.position[i * W]) + dt * load<R>(&c.state.velocity[i * W]));
-    c.scratch.inertia_target = c.state.position;
-
-    Pose<R> bone = load_pose<R>(c.state.bone.data());
+    const Pose<R> before = load_pose<R>(c.state.bone.data());
     const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));
-    bone.position += dt * load_vec3<R>(c.state.bone_velocity.data());
-    bone.rotation = normalised(turn * bone.rotation);
+    const Pose<R> bone{before.position + dt * load_vec3<R>(c.state.bone_velocity.data()), normalised(turn * before.rotation)};
     store_pose<R>(c.state.bone.data(), bone);
-    if (!c.has_limits) return;
     const Mat3<R> rotation = rotation_matrix(turn);
+    // The first guess: nodes coast on; but where elements are at their limits, that would carry them far
+    // past, so there the skin moves with the bone as it is.
+    unsigned limited = 0;
+    for (int l = 0; l < W; ++l) limited |= c.status[l].limited_elements > 0 ? 1u << l : 0u;
+    const MaskOf<R> rigid = mask_from_bits<R>(limited);
+    for (int i = 0; i < t.node_count; ++i) {
+        T* p = &c.state.position[3 * i * W];
+        const Vec3<R> x = load_vec3<R>(p), coasting = x + dt * load_vec3<R>(&c.state.velocity[3 * i * W]);
+        store_vec3<R>(&c.scratch.inertia_target[3 * i * W], coasting);
+        store_vec3<R>(p, select(rigid, bone.position + rotation * (x - before.position), coasting));
+    }
+    if (!c.has_limits) return;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
         T* p = &c.state.limit_multiplier[9 * e * W];
         store_mat3<R>(p, rotation * load_mat3<R>(p));
@@ -171,6 +177,7 @@ struct LaneProgress {
     MaskOf<R> active;            ///< not finished
     MaskOf<R> converged, failed; ///< how it finished
     R base_energy, slope, alpha; ///< of the running line search
+    R exactness;                 ///< share of exact curvature in the next Newton matrix
     R last_excess;               ///< violation over tolerance at the last multiplier update
     R iterations{0}, updates{0}, backtracks{0};
 };
@@ -241,6 +248,21 @@ inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& 
     p.last_excess = select(lanes, excess, p.last_excess);
 }
 
+/// Newton iterations of a step with positive curvature before exact curvature is tried: most steps are
+/// done by then; hard ones, under large limit forces, converge slowly without it. Steps that are not done
+/// after `exact_until` go on with positive curvature alone, which is slower but keeps nearer to the limits.
+inline constexpr int exact_after = 4, exact_until = 60;
+
+/// Less exact curvature where the matrix was indefinite, more where it was not.
+template <class R>
+inline void adapt_exactness(LaneProgress<R>& p, MaskOf<R> indefinite, MaskOf<R> definite) {
+    using T = ScalarOf<R>;
+    const R less = select(p.exactness > R(T(0.05)), R(T(0.25)) * p.exactness, R(0));
+    const R more = minimum(R(1), select(p.exactness > R(0), R(2) * p.exactness, R(1)));
+    p.exactness = select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
+    p.exactness = select((indefinite | definite) & (p.iterations > R(T(exact_until))), R(0), p.exactness);
+}
+
 }  // namespace detail
 
 /// Advances a chunk by one step. Reads bone springs and contact slots; writes state and status.
@@ -252,13 +274,14 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::LaneProgress<R> p;
     p.active = mask_from_bits<R>(c.used_lanes);
     p.converged = p.failed = mask_from_bits<R>(0);
+    p.exactness = R(0);
     p.base_energy = p.last_excess = R(std::numeric_limits<T>::max());
     p.slope = p.alpha = R(0);
     detail::keep_base<R>(c, p.active);
     Evaluation<R> e;
     while (true) {
-        e = evaluate<R>(c, settings);
-        const detail::LaneDecision<R> d = detail::decide(e, settings, p);
+        e = evaluate<R>(c, settings, p.exactness);
+        detail::LaneDecision<R> d = detail::decide(e, settings, p);
         if (!any(p.active)) break;
 
         if (any(d.retry)) {
@@ -276,6 +299,13 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         if (any(d.newton)) {
             R bad_pivots;
             const R slope = detail::newton_direction<R>(c, d.newton, bad_pivots);
+            // An indefinite matrix gives no direction: stay, and evaluate again with less exact curvature.
+            const MaskOf<R> unusable = d.newton & (p.exactness > R(0)) & ((bad_pivots > R(0)) | (slope >= R(0)));
+            p.iterations += select(unusable, R(1), R(0));
+            p.base_energy = select(unusable, R(std::numeric_limits<T>::max()), p.base_energy);
+            p.slope = select(unusable, R(0), p.slope);
+            detail::adapt_exactness(p, unusable, d.newton & !unusable);
+            d.newton = d.newton & !unusable;
             p.slope = select(d.newton, slope, p.slope);
             p.alpha = select(d.newton, R(1), p.alpha);
             p.base_energy = select(d.newton, e.energy, p.base_energy);

@@ -227,16 +227,16 @@ TEST(Derivatives, WholePotential) {
     for (double& m : chunk.state.friction_radius) m = 0.02;
     for (std::size_t i = 2; i < chunk.state.friction_normal.size(); i += 3) chunk.state.friction_normal[i] = 1;
     SolverSettings settings;
-    evaluate<double>(chunk, settings);
+    evaluate<double>(chunk, settings, 0.0);
     const auto gradient = chunk.scratch.gradient;
     double scale = 0;
     for (double g : gradient) scale = std::max(scale, std::abs(g));
     for (std::size_t i = 0; i < chunk.state.position.size(); ++i) {
         const double x = chunk.state.position[i], h = 1e-8;
         chunk.state.position[i] = x + h;
-        const double high = evaluate<double>(chunk, settings).energy;
+        const double high = evaluate<double>(chunk, settings, 0.0).energy;
         chunk.state.position[i] = x - h;
-        const double low = evaluate<double>(chunk, settings).energy;
+        const double low = evaluate<double>(chunk, settings, 0.0).energy;
         chunk.state.position[i] = x;
         EXPECT_NEAR((high - low) / (2 * h), gradient[i], 2e-6 * scale) << "coordinate " << i;
     }

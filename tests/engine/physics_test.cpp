@@ -17,7 +17,7 @@ LaneArray<double> elastic_forces(SkinChunk<double>& c) {
     Evaluation<double> out;
     std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
     std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
-    detail::add_elements(c, out);
+    detail::add_elements(c, 0.0, out);
     return c.scratch.gradient;
 }
 
@@ -95,7 +95,7 @@ TEST(Physics, NothingMovesAtRest) {
 
 double mechanical_energy(SkinChunk<double>& c, const SolverSettings& s) {
     c.scratch.inertia_target = c.state.position;  // no inertia term: elastic, limit and coupling energy
-    double energy = evaluate<double>(c, s).energy;
+    double energy = evaluate<double>(c, s, 0.0).energy;
     for (int i = 0; i < c.topology->node_count; ++i) {
         const Vec3<double> v = load_vec3<double>(&c.state.velocity[3 * i]);
         energy += 0.5 * c.rest.mass[i] * dot(v, v);
