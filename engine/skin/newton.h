@@ -17,7 +17,6 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     const R dt = R(settings.inertia ? T(settings.dt) : T(0));
-    store<R>(c.state.penalty_scale.data(), maximum(R(T(0.7)) * load<R>(c.state.penalty_scale.data()), R(1)));
     c.scratch.start_position = c.state.position;
     c.scratch.start_bone = c.state.bone;
     const Pose<R> before = load_pose<R>(c.state.bone.data());
@@ -30,6 +29,8 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     unsigned limited = 0;
     for (int l = 0; l < W; ++l) limited |= c.status[l].limited_elements > 0 ? 1u << l : 0u;
     const MaskOf<R> rigid = mask_from_bits<R>(limited);
+    const R decay = select(rigid, R(1), R(T(0.7)));
+    store<R>(c.state.penalty_scale.data(), maximum(decay * load<R>(c.state.penalty_scale.data()), R(1)));
     for (int i = 0; i < t.node_count; ++i) {
         T* p = &c.state.position[3 * i * W];
         const Vec3<R> x = load_vec3<R>(p), coasting = x + dt * load_vec3<R>(&c.state.velocity[3 * i * W]);
