@@ -57,8 +57,11 @@ void hand(benchmark::State& state, std::vector<std::string> overrides, int threa
     }
 }
 
-#define PALPATE_HAND(name, threads, ...) \
-    BENCHMARK_CAPTURE(hand, name, std::vector<std::string>{__VA_ARGS__}, threads)->Iterations(1)->UseManualTime()->Unit(benchmark::kMicrosecond)
+#define PALPATE_HAND(name, threads, ...)                                          \
+    BENCHMARK_CAPTURE(hand, name, std::vector<std::string>{__VA_ARGS__}, threads) \
+        ->Iterations(1)                                                           \
+        ->UseManualTime()                                                         \
+        ->Unit(benchmark::kMicrosecond)
 PALPATE_HAND(reference_2_threads, 2);
 PALPATE_HAND(reference_1_thread, 1);
 PALPATE_HAND(real_time_2_threads, 2, "solver.preset=real-time");

@@ -21,7 +21,9 @@ void matching(benchmark::State& state) {
         const Platform p = model.kind->platform(model, Eigen::Vector3d(0.05, roll, 0.0242));
         for (int i = 0; i < 33; ++i) {
             const double r = i < 14 ? 0.004 : 0.008, phi = 0.7 * i;
-            points[i] = {p.centre + p.rotation * Eigen::Vector3d(r * std::cos(phi), r * std::sin(phi), i < 14 ? 0 : -0.001), i < 14};
+            points[i] = {
+                p.centre + p.rotation * Eigen::Vector3d(r * std::cos(phi), r * std::sin(phi), i < 14 ? 0 : -0.001),
+                i < 14};
         }
         const MatchingResult result = match(method, model, points, {}, previous);
         previous = result.w;

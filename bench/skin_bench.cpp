@@ -24,7 +24,8 @@ void aim(SkinChunk<T>& c, double z) {
     const double v[9] = {2000, 2, 0, 0, z, 1, 0, 0, 0};
     for (int s = 0; s < bone_spring_count; ++s)
         for (int i = 0; i < 9; ++i)
-            for (int l = 0; l < c.width; ++l) c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i]);
+            for (int l = 0; l < c.width; ++l)
+                c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i]);
 }
 
 /// Steps of 1 ms while the finger goes 2.5 mm down in 0.25 s.
@@ -59,13 +60,22 @@ void press(benchmark::State& state) {
         state.ResumeTiming();
         solve_skin(chunk, settings);
     }
-    state.counters["s_per_finger"] = benchmark::Counter(double(state.iterations()) * width, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+    state.counters["s_per_finger"] = benchmark::Counter(double(state.iterations()) * width,
+                                                        benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
     state.counters["elements"] = double(topology->elements.size());
     state.counters["bytes_per_finger"] = double(memory_bytes(chunk)) / width;
 }
 
-BENCHMARK_TEMPLATE(press, double)->ArgNames({"lanes", "iterations"})->ArgsProduct({{1, 2, 4}, {1, 2, 4}})->Iterations(500)->Unit(benchmark::kMicrosecond);
-BENCHMARK_TEMPLATE(press, float)->ArgNames({"lanes", "iterations"})->ArgsProduct({{1, 4, 8}, {1, 2, 4}})->Iterations(500)->Unit(benchmark::kMicrosecond);
+BENCHMARK_TEMPLATE(press, double)
+    ->ArgNames({"lanes", "iterations"})
+    ->ArgsProduct({{1, 2, 4}, {1, 2, 4}})
+    ->Iterations(500)
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_TEMPLATE(press, float)
+    ->ArgNames({"lanes", "iterations"})
+    ->ArgsProduct({{1, 4, 8}, {1, 2, 4}})
+    ->Iterations(500)
+    ->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace palpate

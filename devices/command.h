@@ -7,9 +7,9 @@
 namespace palpate {
 
 struct ThimbleCommand {
-    double time = 0;    ///< simulation time of the solve [s]
-    Coordinates q;      ///< joint angles wanted [rad]
-    bool valid = false; ///< false: the solve failed; counts as no solve
+    double time = 0;     ///< simulation time of the solve [s]
+    Coordinates q;       ///< joint angles wanted [rad]
+    bool valid = false;  ///< false: the solve failed; counts as no solve
 };
 using ThimbleMailbox = Mailbox<ThimbleCommand>;
 

@@ -13,7 +13,8 @@ inline constexpr int max_device_dimension = 6;
 /// Device configuration w (end-effector coordinates) or actuator coordinates q; never allocates.
 using Coordinates = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, max_device_dimension, 1>;
 /// Rows = outputs, columns = components of w.
-using DeviceJacobian = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, max_device_dimension, max_device_dimension>;
+using DeviceJacobian =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, max_device_dimension, max_device_dimension>;
 using PointJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, max_device_dimension>;
 
 struct DeviceKind;
@@ -21,19 +22,19 @@ struct DeviceKind;
 /// A device: its kind with the numbers that a user may set.
 struct DeviceModel {
     const DeviceKind* kind = nullptr;
-    std::array<double, 8> geometry{};    ///< meaning: DeviceKind::geometry_names
-    Coordinates joint_min, joint_max;    ///< actuator limits [rad]
-    double disk_radius = 0.020;          ///< of the platform [m]
-    double clearance = 0.0002;           ///< eps of Perez et al. 2017, Eq. 3 [m]
+    std::array<double, 8> geometry{};                         ///< meaning: DeviceKind::geometry_names
+    Coordinates joint_min, joint_max;                         ///< actuator limits [rad]
+    double disk_radius = 0.020;                               ///< of the platform [m]
+    double clearance = 0.0002;                                ///< eps of Perez et al. 2017, Eq. 3 [m]
     Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();  ///< device frame -> finger frame
-    Coordinates rest;                    ///< contact-free configuration w
+    Coordinates rest;                                         ///< contact-free configuration w
 };
 
 /// Where the platform is, with derivatives with respect to w.
 struct Platform {
-    Eigen::Vector3d centre;   ///< p [m]
+    Eigen::Vector3d centre;  ///< p [m]
     Eigen::Matrix3d rotation;
-    Eigen::Vector3d normal;   ///< n, unit, points at the finger
+    Eigen::Vector3d normal;          ///< n, unit, points at the finger
     PointJacobian dcentre, dnormal;  ///< [3 x size of w]
 };
 
@@ -52,7 +53,7 @@ struct DeviceKind {
     std::vector<std::string> geometry_names;       ///< all lengths [m]
     int joint_count = 0;
     Coordinates configuration_min, configuration_max;  ///< box of w in which the search stays
-    Coordinates configuration_scale;               ///< typical size of each component
+    Coordinates configuration_scale;                   ///< typical size of each component
     DeviceModel (*defaults)() = nullptr;
     Platform (*platform)(const DeviceModel&, const Coordinates& w) = nullptr;
     Joints (*joints)(const DeviceModel&, const Coordinates& w) = nullptr;

@@ -41,17 +41,23 @@ std::vector<std::string> validate(const DeviceModel& model) {
     char text[240];
     for (std::size_t i = 0; i < kind.geometry_names.size(); ++i)
         if (!(model.geometry[i] > 0 && model.geometry[i] < 0.5)) {
-            std::snprintf(text, sizeof text, "%s = %.6g mm: expected a length between 0 and 500 mm", kind.geometry_names[i].c_str(), 1e3 * model.geometry[i]);
+            std::snprintf(text, sizeof text, "%s = %.6g mm: expected a length between 0 and 500 mm",
+                          kind.geometry_names[i].c_str(), 1e3 * model.geometry[i]);
             wrong.emplace_back(text);
         }
     for (int j = 0; j < kind.joint_count; ++j)
-        if (!(model.joint_min[j] < model.joint_max[j]) || std::abs(model.joint_min[j]) > 4 || std::abs(model.joint_max[j]) > 4) {
-            std::snprintf(text, sizeof text, "joint %d: limits %.6g to %.6g degrees; the lower must be below the upper, both within 229 degrees",
-                          j + 1, model.joint_min[j] * 57.29577951308232, model.joint_max[j] * 57.29577951308232);
+        if (!(model.joint_min[j] < model.joint_max[j]) || std::abs(model.joint_min[j]) > 4 ||
+            std::abs(model.joint_max[j]) > 4) {
+            std::snprintf(
+                text, sizeof text,
+                "joint %d: limits %.6g to %.6g degrees; the lower must be below the upper, both within 229 degrees",
+                j + 1, model.joint_min[j] * 57.29577951308232, model.joint_max[j] * 57.29577951308232);
             wrong.emplace_back(text);
         }
-    if (!(model.disk_radius > 1e-4 && model.disk_radius < 0.1)) wrong.emplace_back("the platform radius must be between 0.1 and 100 mm");
-    if (!(model.clearance >= 0 && model.clearance < 0.01)) wrong.emplace_back("the clearance must be between 0 and 10 mm");
+    if (!(model.disk_radius > 1e-4 && model.disk_radius < 0.1))
+        wrong.emplace_back("the platform radius must be between 0.1 and 100 mm");
+    if (!(model.clearance >= 0 && model.clearance < 0.01))
+        wrong.emplace_back("the clearance must be between 0 and 10 mm");
     if (wrong.empty() && !inside_workspace(model, model.rest, 1e-9)) {
         const Joints joints = kind.joints(model, model.rest);
         std::string q;
@@ -60,7 +66,8 @@ std::vector<std::string> validate(const DeviceModel& model) {
             q += text;
         }
         wrong.push_back(std::string("the rest configuration cannot be reached: ") +
-                        (joints.closed ? "it needs joints at " + q + " degrees, outside their limits" : "the legs cannot close (their lengths clash with the platform's size)"));
+                        (joints.closed ? "it needs joints at " + q + " degrees, outside their limits"
+                                       : "the legs cannot close (their lengths clash with the platform's size)"));
     }
     return wrong;
 }

@@ -9,16 +9,21 @@ namespace palpate {
 std::vector<std::string> SlewLimits::validate() const {
     std::vector<std::string> wrong;
     if (!(velocity > 0.01 && velocity <= 50)) wrong.emplace_back("the slew velocity must be between 0.01 and 50 rad/s");
-    if (!(acceleration > 0.1 && acceleration <= 10000)) wrong.emplace_back("the slew acceleration must be between 0.1 and 10000 rad/s^2");
+    if (!(acceleration > 0.1 && acceleration <= 10000))
+        wrong.emplace_back("the slew acceleration must be between 0.1 and 10000 rad/s^2");
     return wrong;
 }
 
 const char* name(ThimbleMode mode) {
     switch (mode) {
-        case ThimbleMode::following: return "following";
-        case ThimbleMode::holding: return "holding";
-        case ThimbleMode::resting: return "resting";
-        case ThimbleMode::fault: return "fault";
+        case ThimbleMode::following:
+            return "following";
+        case ThimbleMode::holding:
+            return "holding";
+        case ThimbleMode::resting:
+            return "resting";
+        case ThimbleMode::fault:
+            return "fault";
     }
     return "unknown";
 }
@@ -45,7 +50,8 @@ int limit_command(const Coordinates& target, const Coordinates& min, const Coord
         const double wanted = usable ? std::clamp(target[i], min[i], max[i]) : std::clamp(q[i], min[i], max[i]);
         if (!usable || wanted != target[i]) ++altered;
         const double distance = std::abs(wanted - q[i]);
-        const double speed = std::min({limits.velocity, braking_speed(distance, limits.acceleration, dt), distance / dt});
+        const double speed =
+            std::min({limits.velocity, braking_speed(distance, limits.acceleration, dt), distance / dt});
         const double v = std::clamp(std::copysign(speed, wanted - q[i]), velocity[i] - limits.acceleration * dt,
                                     velocity[i] + limits.acceleration * dt);
         const double next = std::clamp(q[i] + std::clamp(v, -limits.velocity, limits.velocity) * dt, min[i], max[i]);
@@ -59,7 +65,8 @@ void initialise(ThimbleLoop& loop, const DeviceModel& model, const ThimbleLoopSe
                 std::unique_ptr<Driver> driver) {
     std::vector<std::string> wrong = validate(model);
     for (auto& w : settings.limits.validate()) wrong.push_back(w);
-    if (!(settings.period >= 0.001 && settings.period <= 1)) wrong.emplace_back("the period must be between 1 and 1000 ms");
+    if (!(settings.period >= 0.001 && settings.period <= 1))
+        wrong.emplace_back("the period must be between 1 and 1000 ms");
     if (!driver) wrong.emplace_back("a thimble needs a driver");
     if (!wrong.empty()) {
         std::string all;
@@ -98,7 +105,8 @@ bool tick(ThimbleLoop& loop, double now) {
     const Coordinates target = s.mode == ThimbleMode::following ? loop.newest.q
                                : s.mode == ThimbleMode::resting ? loop.rest_q
                                                                 : loop.q;
-    s.altered += limit_command(target, loop.model.joint_min, loop.model.joint_max, loop.settings.limits, period, loop.q, loop.velocity);
+    s.altered += limit_command(target, loop.model.joint_min, loop.model.joint_max, loop.settings.limits, period, loop.q,
+                               loop.velocity);
     if (s.mode == ThimbleMode::fault) return true;
     if (loop.driver->send(loop.q, now) == DriverStatus::fault) {
         s.mode = ThimbleMode::fault;  // latched until rearm

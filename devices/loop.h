@@ -23,10 +23,10 @@ int limit_command(const Coordinates& target, const Coordinates& min, const Coord
                   double dt, Coordinates& q, Coordinates& velocity);
 
 struct ThimbleLoopSettings {
-    double period = 0.020;          ///< [s]
-    double hold_after = 0.060;      ///< no valid solve for this long: hold [s]
-    double rest_after = 0.120;      ///< then slew to the rest configuration [s]
-    double rest_within = 0.500;     ///< time allowed to reach it [s]
+    double period = 0.020;       ///< [s]
+    double hold_after = 0.060;   ///< no valid solve for this long: hold [s]
+    double rest_after = 0.120;   ///< then slew to the rest configuration [s]
+    double rest_within = 0.500;  ///< time allowed to reach it [s]
     SlewLimits limits;
 };
 
@@ -36,8 +36,8 @@ const char* name(ThimbleMode mode);
 struct ThimbleStatus {
     ThimbleMode mode = ThimbleMode::resting;
     std::int64_t ticks = 0, misses = 0, altered = 0, faults = 0, stale = 0;
-    double worst_lateness = 0;      ///< [s]
-    double age = 0;                 ///< of the newest valid command [s]
+    double worst_lateness = 0;  ///< [s]
+    double age = 0;             ///< of the newest valid command [s]
 };
 
 /// State of one thimble's loop. Plain data; `tick` advances it.
@@ -47,11 +47,11 @@ struct ThimbleLoop {
     std::unique_ptr<Driver> driver;
     ThimbleMailbox mailbox;
     ThimbleCommand newest;
-    Coordinates q, velocity;        ///< sent last [rad], [rad/s]
-    Coordinates rest_q;             ///< joint angles of the rest configuration
-    double next_tick = 0;           ///< [s]
+    Coordinates q, velocity;  ///< sent last [rad], [rad/s]
+    Coordinates rest_q;       ///< joint angles of the rest configuration
+    double next_tick = 0;     ///< [s]
     double resting_since = -1;
-    bool parked = false;            ///< shutting down: rest pose whatever comes in
+    bool parked = false;  ///< shutting down: rest pose whatever comes in
     ThimbleStatus status;
 };
 

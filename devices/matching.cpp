@@ -34,7 +34,8 @@ MatchingObjective matching_objective(const DeviceModel& model, const std::vector
         const double excess = point.touches ? d.value : d.value - model.clearance;
         if (!point.touches && excess >= 0) continue;
         f.value += mm2 * excess * excess;
-        f.gradient += 2 * mm2 * excess * (platform.dcentre.transpose() * d.dcentre + platform.dnormal.transpose() * d.dnormal);
+        f.gradient +=
+            2 * mm2 * excess * (platform.dcentre.transpose() * d.dcentre + platform.dnormal.transpose() * d.dnormal);
     }
     f.value += smoothing_value(model, settings, previous, w, f.gradient);
     return f;
@@ -48,10 +49,10 @@ struct Problem {
     const DeviceModel* model;
     const std::vector<MatchingPoint>* points = nullptr;  ///< null: project onto the workspace
     const MatchingSettings* settings = nullptr;
-    Coordinates previous;     ///< warm start, or the configuration to project
+    Coordinates previous;  ///< warm start, or the configuration to project
     bool constrained = true;
     nlopt_opt optimiser = nullptr;
-    Coordinates best;         ///< best feasible w so far
+    Coordinates best;  ///< best feasible w so far
     double best_value = HUGE_VAL;
     int evaluations = 0;
 
@@ -100,7 +101,8 @@ void constraint_callback(unsigned m, double* result, unsigned n, const double* u
 nlopt_result run(Problem& p, const Coordinates& start, double tolerance, int evaluations) {
     const DeviceKind& kind = *p.model->kind;
     const unsigned n = unsigned(start.size());
-    const std::unique_ptr<std::remove_pointer_t<nlopt_opt>, void (*)(nlopt_opt)> owner(nlopt_create(NLOPT_LD_SLSQP, n), nlopt_destroy);
+    const std::unique_ptr<std::remove_pointer_t<nlopt_opt>, void (*)(nlopt_opt)> owner(nlopt_create(NLOPT_LD_SLSQP, n),
+                                                                                       nlopt_destroy);
     p.optimiser = owner.get();
     if (!p.optimiser) return NLOPT_OUT_OF_MEMORY;
     const Coordinates low = kind.configuration_min.cwiseQuotient(kind.configuration_scale);
@@ -110,8 +112,10 @@ nlopt_result run(Problem& p, const Coordinates& start, double tolerance, int eva
     nlopt_set_upper_bounds(p.optimiser, high.data());
     nlopt_set_min_objective(p.optimiser, objective_callback, &p);
     if (p.constrained) {
-        const Eigen::Matrix<double, 2 * max_device_dimension, 1> tolerances = Eigen::Matrix<double, 2 * max_device_dimension, 1>::Constant(1e-9);
-        nlopt_add_inequality_mconstraint(p.optimiser, 2 * unsigned(kind.joint_count), constraint_callback, &p, tolerances.data());
+        const Eigen::Matrix<double, 2 * max_device_dimension, 1> tolerances =
+            Eigen::Matrix<double, 2 * max_device_dimension, 1>::Constant(1e-9);
+        nlopt_add_inequality_mconstraint(p.optimiser, 2 * unsigned(kind.joint_count), constraint_callback, &p,
+                                         tolerances.data());
     }
     nlopt_set_xtol_abs1(p.optimiser, tolerance);
     nlopt_set_ftol_rel(p.optimiser, tolerance * tolerance);
@@ -120,8 +124,9 @@ nlopt_result run(Problem& p, const Coordinates& start, double tolerance, int eva
     return nlopt_optimize(p.optimiser, u.data(), &value);
 }
 
-MatchingResult finish(const DeviceModel& model, const std::vector<MatchingPoint>& points, const MatchingSettings& settings,
-                      const Coordinates& previous, const Coordinates& w, MatchingStatus status, int evaluations) {
+MatchingResult finish(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                      const MatchingSettings& settings, const Coordinates& previous, const Coordinates& w,
+                      MatchingStatus status, int evaluations) {
     MatchingResult r;
     r.w = w;
     r.status = status;
@@ -247,18 +252,25 @@ MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingP
 MatchingResult match(MatchingMethod method, const DeviceModel& model, const std::vector<MatchingPoint>& points,
                      const MatchingSettings& settings, const Coordinates& previous) {
     switch (method) {
-        case MatchingMethod::constrained: return match_constrained(model, points, settings, previous);
-        case MatchingMethod::unconstrained: return match_unconstrained(model, points, settings, previous);
-        case MatchingMethod::plane: return match_plane(model, points, settings, previous);
+        case MatchingMethod::constrained:
+            return match_constrained(model, points, settings, previous);
+        case MatchingMethod::unconstrained:
+            return match_unconstrained(model, points, settings, previous);
+        case MatchingMethod::plane:
+            return match_plane(model, points, settings, previous);
     }
     return {};
 }
 
 bool parse_method(const std::string& name, MatchingMethod& method) {
-    if (name == "constrained") method = MatchingMethod::constrained;
-    else if (name == "unconstrained") method = MatchingMethod::unconstrained;
-    else if (name == "plane") method = MatchingMethod::plane;
-    else return false;
+    if (name == "constrained")
+        method = MatchingMethod::constrained;
+    else if (name == "unconstrained")
+        method = MatchingMethod::unconstrained;
+    else if (name == "plane")
+        method = MatchingMethod::plane;
+    else
+        return false;
     return true;
 }
 

@@ -17,7 +17,7 @@ struct MatchingPoint {
 
 /// Distance of a point to the platform, with derivatives with respect to its centre and normal.
 struct DiskDistance {
-    double value;                     ///< [m]
+    double value;  ///< [m]
     Eigen::Vector3d dcentre, dnormal;
 };
 
@@ -29,10 +29,10 @@ DiskDistance disk_distance(const Eigen::Vector3d& x, const Platform& platform, d
 DiskDistance cone_distance(const Eigen::Vector3d& x, const Platform& platform, double radius);
 
 struct MatchingSettings {
-    double tolerance = 1e-6;         ///< relative change of the scaled configuration at which SLSQP stops
-    int evaluations = 100;           ///< most evaluations of the objective
-    double smoothing = 0;            ///< weight of the distance from the last configuration [mm^2]
-    bool non_contact = true;         ///< include N_O (Eq. 3's second sum)
+    double tolerance = 1e-6;  ///< relative change of the scaled configuration at which SLSQP stops
+    int evaluations = 100;    ///< most evaluations of the objective
+    double smoothing = 0;     ///< weight of the distance from the last configuration [mm^2]
+    bool non_contact = true;  ///< include N_O (Eq. 3's second sum)
 };
 
 struct MatchingObjective {
@@ -47,29 +47,33 @@ MatchingObjective matching_objective(const DeviceModel& model, const std::vector
 
 enum class MatchingMethod { constrained, unconstrained, plane };
 enum class MatchingStatus {
-    matched,      ///< solved
-    no_contact,   ///< nothing touches: the rest configuration
-    budget,       ///< evaluations spent; best feasible configuration kept
-    kept,         ///< no better feasible configuration was found; the last one is kept
+    matched,     ///< solved
+    no_contact,  ///< nothing touches: the rest configuration
+    budget,      ///< evaluations spent; best feasible configuration kept
+    kept,        ///< no better feasible configuration was found; the last one is kept
 };
 
 struct MatchingResult {
     Coordinates w, q;
     MatchingStatus status = MatchingStatus::kept;
-    double residual = 0;        ///< f(w) at the result [mm^2]
-    double rms_m = 0;           ///< root of the mean squared distance of touching points to the disk [m]
+    double residual = 0;  ///< f(w) at the result [mm^2]
+    double rms_m = 0;     ///< root of the mean squared distance of touching points to the disk [m]
     int evaluations = 0;
     bool constraint_active = false;  ///< a joint is at its limit
 };
 
 /// Eq. 2: minimise f over w subject to C(q(w)) >= 0, from the warm start `previous`.
-MatchingResult match_constrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+MatchingResult match_constrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
+                                 const Coordinates& previous);
 /// Minimise f without joint limits, then project onto the workspace.
-MatchingResult match_unconstrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+MatchingResult match_unconstrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
+                                   const Coordinates& previous);
 /// Plane of least squares through C_O, then project onto the workspace.
-MatchingResult match_plane(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+MatchingResult match_plane(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
+                           const Coordinates& previous);
 /// One of the three.
-MatchingResult match(MatchingMethod, const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&, const Coordinates& previous);
+MatchingResult match(MatchingMethod, const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
+                     const Coordinates& previous);
 
 /// The reachable configuration nearest to w, in scaled coordinates.
 Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w);

@@ -17,24 +17,35 @@ std::vector<std::string> SceneSpec::validate() const {
     };
     for (const FingerSpec& f : fingers) {
         const std::string who = "finger '" + f.name + "': ";
-        need(!f.mesh.tets.empty() && f.mesh.bone_nodes.size() >= 3, who + "its mesh needs tetrahedra and at least three bone nodes");
-        need(f.young_modulus >= 1 && f.young_modulus <= 1e9, who + "Young's modulus must be between 0.001 and 1000000 kPa");
-        need(f.poisson_ratio >= 0 && f.poisson_ratio < 0.49995, who + "Poisson's ratio must be at least 0 and below 0.49995");
+        need(!f.mesh.tets.empty() && f.mesh.bone_nodes.size() >= 3,
+             who + "its mesh needs tetrahedra and at least three bone nodes");
+        need(f.young_modulus >= 1 && f.young_modulus <= 1e9,
+             who + "Young's modulus must be between 0.001 and 1000000 kPa");
+        need(f.poisson_ratio >= 0 && f.poisson_ratio < 0.49995,
+             who + "Poisson's ratio must be at least 0 and below 0.49995");
         need(f.density >= 1 && f.density <= 1e5, who + "the density must be between 1 and 100000 kg/m^3");
         if (f.has_limits) {
-            need(f.limit_low > 0.01 && f.limit_low < 1, who + "the lower strain limit must be above 0.01 and below 1: the rest shape has stretch 1");
-            need(f.limit_high > 1 && f.limit_high < 100, who + "the upper strain limit must be above 1 and below 100: the rest shape has stretch 1");
+            need(f.limit_low > 0.01 && f.limit_low < 1,
+                 who + "the lower strain limit must be above 0.01 and below 1: the rest shape has stretch 1");
+            need(f.limit_high > 1 && f.limit_high < 100,
+                 who + "the upper strain limit must be above 1 and below 100: the rest shape has stretch 1");
         }
         const Coupling& c = f.coupling;
-        need(c.stiffness > 0 && c.stiffness <= 1e8 && c.angular_stiffness > 0 && c.angular_stiffness <= 1e6, who + "the coupling's stiffnesses must be positive, at most 1e8 N/m and 1e6 N m/rad");
-        need(c.damping >= 0 && c.damping <= 1e6 && c.angular_damping >= 0 && c.angular_damping <= 1e4, who + "the coupling's dampings must not be negative, at most 1e6 N s/m and 1e4 N m s/rad");
-        need(c.max_force > 0 && c.max_force <= 1e5, who + "the coupling's largest force must be between 0 and 100000 N");
+        need(c.stiffness > 0 && c.stiffness <= 1e8 && c.angular_stiffness > 0 && c.angular_stiffness <= 1e6,
+             who + "the coupling's stiffnesses must be positive, at most 1e8 N/m and 1e6 N m/rad");
+        need(c.damping >= 0 && c.damping <= 1e6 && c.angular_damping >= 0 && c.angular_damping <= 1e4,
+             who + "the coupling's dampings must not be negative, at most 1e6 N s/m and 1e4 N m s/rad");
+        need(c.max_force > 0 && c.max_force <= 1e5,
+             who + "the coupling's largest force must be between 0 and 100000 N");
     }
     for (const ObjectSpec& o : objects)
         need(o.friction >= 0 && o.friction <= 100, "object '" + o.name + "': friction must be between 0 and 100");
     for (const ThimbleSpec& t : thimbles) {
         need(t.finger >= 0 && t.finger < int(fingers.size()), "a thimble names a finger that does not exist");
-        for (const auto& sentence : palpate::validate(t.model)) wrong.push_back("device of finger '" + (t.finger >= 0 && t.finger < int(fingers.size()) ? fingers[t.finger].name : "?") + "': " + sentence);
+        for (const auto& sentence : palpate::validate(t.model))
+            wrong.push_back("device of finger '" +
+                            (t.finger >= 0 && t.finger < int(fingers.size()) ? fingers[t.finger].name : "?") +
+                            "': " + sentence);
     }
     return wrong;
 }
@@ -50,17 +61,21 @@ struct Archetype {
 };
 
 bool same_connectivity(const TetMesh& a, const TetMesh& b) {
-    return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes && a.pad_nodes == b.pad_nodes;
+    return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes &&
+           a.pad_nodes == b.pad_nodes;
 }
 
 std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {
     std::vector<Archetype> archetypes;
     for (int i = 0; i < int(spec.fingers.size()); ++i) {
         const FingerSpec& f = spec.fingers[i];
-        auto fits = [&](const Archetype& a) { return a.single_precision == f.single_precision && same_connectivity(*a.mesh, f.mesh); };
+        auto fits = [&](const Archetype& a) {
+            return a.single_precision == f.single_precision && same_connectivity(*a.mesh, f.mesh);
+        };
         auto it = std::find_if(archetypes.begin(), archetypes.end(), fits);
         if (it == archetypes.end()) {
-            archetypes.push_back({std::make_shared<SkinTopology>(build_topology(f.mesh)), &f.mesh, f.single_precision, {}});
+            archetypes.push_back(
+                {std::make_shared<SkinTopology>(build_topology(f.mesh)), &f.mesh, f.single_precision, {}});
             it = std::prev(archetypes.end());
         }
         it->fingers.push_back(i);
@@ -89,7 +104,8 @@ int chunk_width(int left) {
 }
 
 template <class T>
-void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks, std::vector<Skin>& skins) {
+void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks,
+                 std::vector<Skin>& skins) {
     const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
     for (std::size_t first = 0; first < a.fingers.size();) {
         const int width = chunk_width<T>(int(a.fingers.size() - first));
@@ -139,8 +155,10 @@ World build_world(const SceneSpec& spec) {
     world.solver = spec.solver;
     std::vector<Skin> skins(spec.fingers.size());
     for (const Archetype& a : sort_into_archetypes(spec)) {
-        if (a.single_precision) fill_chunks(spec, a, world.float_chunks, skins);
-        else fill_chunks(spec, a, world.double_chunks, skins);
+        if (a.single_precision)
+            fill_chunks(spec, a, world.float_chunks, skins);
+        else
+            fill_chunks(spec, a, world.double_chunks, skins);
     }
     std::vector<EntityId> ids;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
@@ -151,7 +169,8 @@ World build_world(const SceneSpec& spec) {
         world.skins.add(finger, std::move(skins[i]));
         world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh));
     }
-    for (const ObjectSpec& o : spec.objects) world.shapes.add(world.objects.create(), {o.name, o.shape, o.pose, o.pose, o.friction});
+    for (const ObjectSpec& o : spec.objects)
+        world.shapes.add(world.objects.create(), {o.name, o.shape, o.pose, o.pose, o.friction});
     for (const ThimbleSpec& t : spec.thimbles) {
         if (spec.objects.empty()) break;  // nothing can be touched: nothing to render
         Matching m;
@@ -174,7 +193,8 @@ namespace {
 template <class Read>
 auto with_chunk(const World& world, EntityId finger, Read read) {
     const Skin& skin = *world.skins.find(finger);
-    return skin.single_precision ? read(world.float_chunks[skin.chunk], skin.lane) : read(world.double_chunks[skin.chunk], skin.lane);
+    return skin.single_precision ? read(world.float_chunks[skin.chunk], skin.lane)
+                                 : read(world.double_chunks[skin.chunk], skin.lane);
 }
 }  // namespace
 
@@ -196,7 +216,8 @@ Pose<double> bone_pose(const World& world, EntityId finger) {
 
 const SkinStatus& skin_status(const World& world, EntityId finger) {
     const Skin& skin = *world.skins.find(finger);
-    return skin.single_precision ? world.float_chunks[skin.chunk].status[skin.lane] : world.double_chunks[skin.chunk].status[skin.lane];
+    return skin.single_precision ? world.float_chunks[skin.chunk].status[skin.lane]
+                                 : world.double_chunks[skin.chunk].status[skin.lane];
 }
 
 std::size_t skin_memory_bytes(const World& world) {

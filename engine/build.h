@@ -11,14 +11,14 @@ namespace palpate {
 
 struct FingerSpec {
     std::string name;
-    TetMesh mesh;                    ///< finger frame [m], with bone and pad nodes
-    double young_modulus = 30e3;     ///< [Pa]
+    TetMesh mesh;                 ///< finger frame [m], with bone and pad nodes
+    double young_modulus = 30e3;  ///< [Pa]
     double poisson_ratio = 0.45;
-    double density = 1050;           ///< [kg/m^3]
+    double density = 1050;  ///< [kg/m^3]
     bool has_limits = false;
     double limit_low = 0.6, limit_high = 1.4;
     bool single_precision = false;
-    Coupling coupling;               ///< its tracker is set by build_world
+    Coupling coupling;  ///< its tracker is set by build_world
     Pose<double> start = Pose<double>::identity();
 };
 
@@ -30,11 +30,11 @@ struct ObjectSpec {
 };
 
 struct ThimbleSpec {
-    int finger = 0;                  ///< index into fingers
+    int finger = 0;  ///< index into fingers
     DeviceModel model;
     MatchingMethod method = MatchingMethod::constrained;
     MatchingSettings settings;
-    double period = 0.020;           ///< [s]
+    double period = 0.020;  ///< [s]
 };
 
 struct SceneSpec {

@@ -21,10 +21,13 @@ void step(World& w, oneapi::tbb::task_arena& arena) {
     w.time += w.solver.dt;
     ++w.step;
     timed(w.profile.read_trackers, [&] { read_trackers(w.tracker_poses, w.time); });
-    timed(w.profile.couple, [&] { couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.double_chunks, w.float_chunks); });
-    timed(w.profile.detect_contacts, [&] { w.crowded += detect_contacts(w.shapes, w.solver, w.double_chunks, w.float_chunks); });
+    timed(w.profile.couple,
+          [&] { couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.double_chunks, w.float_chunks); });
+    timed(w.profile.detect_contacts,
+          [&] { w.crowded += detect_contacts(w.shapes, w.solver, w.double_chunks, w.float_chunks); });
     timed(w.profile.solve_skin, [&] { solve_skins(w.solver, arena, w.double_chunks, w.float_chunks); });
-    timed(w.profile.extract_contact, [&] { extract_contact(w.skins, w.double_chunks, w.float_chunks, w.couplings, w.contact_surfaces); });
+    timed(w.profile.extract_contact,
+          [&] { extract_contact(w.skins, w.double_chunks, w.float_chunks, w.couplings, w.contact_surfaces); });
     timed(w.profile.match_devices, [&] { match_devices(w.contact_surfaces, w.time, arena, w.matchings); });
     timed(w.profile.publish, [&] { publish(w.matchings, w.time, w.device_links); });
     for (RigidShape& shape : w.shapes) shape.previous = shape.pose;

@@ -17,54 +17,54 @@ namespace palpate {
 struct TrackerPose {
     struct Sample {
         Pose<double> pose = Pose<double>::identity();  ///< world
-        double time = -1;       ///< [s]
+        double time = -1;                              ///< [s]
         bool valid = false;
     };
     Sample incoming;
-    Sample newest;              ///< newest valid sample
+    Sample newest;                                     ///< newest valid sample
     Pose<double> previous = Pose<double>::identity();  ///< at the step before
     std::int64_t accepted = 0;
-    std::int64_t not_finite = 0;   ///< rejected: NaN, infinite or zero quaternion
-    std::int64_t backward = 0;     ///< rejected: older than the newest
-    std::int64_t missing = 0;      ///< steps without a valid sample
+    std::int64_t not_finite = 0;  ///< rejected: NaN, infinite or zero quaternion
+    std::int64_t backward = 0;    ///< rejected: older than the newest
+    std::int64_t missing = 0;     ///< steps without a valid sample
 };
 
 /// Finger: viscoelastic virtual coupling between tracked pose and bone, and the bone's inertia.
 struct Coupling {
     EntityId tracker;
-    double stiffness = 2000;         ///< [N/m]
-    double damping = 4;              ///< [N s/m]
-    double angular_stiffness = 2;    ///< [N m/rad]
-    double angular_damping = 0.004;  ///< [N m s/rad]
-    double max_force = 50;           ///< the target is pulled no farther than this force [N]
-    double max_speed = 5;            ///< of the target; faster ones are teleports [m/s]
-    double bone_mass = 0.004;        ///< [kg]
-    double bone_inertia = 4e-7;      ///< about any axis [kg m^2]
+    double stiffness = 2000;                         ///< [N/m]
+    double damping = 4;                              ///< [N s/m]
+    double angular_stiffness = 2;                    ///< [N m/rad]
+    double angular_damping = 0.004;                  ///< [N m s/rad]
+    double max_force = 50;                           ///< the target is pulled no farther than this force [N]
+    double max_speed = 5;                            ///< of the target; faster ones are teleports [m/s]
+    double bone_mass = 0.004;                        ///< [kg]
+    double bone_inertia = 4e-7;                      ///< about any axis [kg m^2]
     Pose<double> target = Pose<double>::identity();  ///< written by couple
     Pose<double> last_target = Pose<double>::identity();
     bool started = false;
-    std::int64_t slowed = 0;         ///< steps in which the target was slowed down: teleports
-    double force_N = 0;              ///< written by extract_contact
+    std::int64_t slowed = 0;  ///< steps in which the target was slowed down: teleports
+    double force_N = 0;       ///< written by extract_contact
 };
 
 /// Finger: where its skin lives. Written at load.
 struct Skin {
     std::string name;
-    bool single_precision = false;   ///< in float_chunks rather than double_chunks
+    bool single_precision = false;  ///< in float_chunks rather than double_chunks
     int chunk = 0, lane = 0;
-    TetMesh mesh;                    ///< rest shape in the finger frame, for output
+    TetMesh mesh;  ///< rest shape in the finger frame, for output
     Pose<double> start = Pose<double>::identity();
 };
 
 /// Finger: its contact this step, written by extract_contact. Arrays are [sample].
 struct ContactSurface {
-    std::vector<double> area;                ///< share of the rest surface [m^2], written at load
-    std::vector<Vec3<double>> position;      ///< finger frame [m]
-    std::vector<Vec3<double>> force;         ///< on the skin, world frame [N]
-    std::vector<char> touches;               ///< 1 in C_O, 0 in N_O
-    Vec3<double> total{0, 0, 0};             ///< sum of forces [N]
-    double normal_force = 0;                 ///< sum of normal forces [N]
-    double touching_area = 0;                ///< [m^2]
+    std::vector<double> area;            ///< share of the rest surface [m^2], written at load
+    std::vector<Vec3<double>> position;  ///< finger frame [m]
+    std::vector<Vec3<double>> force;     ///< on the skin, world frame [N]
+    std::vector<char> touches;           ///< 1 in C_O, 0 in N_O
+    Vec3<double> total{0, 0, 0};         ///< sum of forces [N]
+    double normal_force = 0;             ///< sum of normal forces [N]
+    double touching_area = 0;            ///< [m^2]
     int touching = 0;
 };
 
@@ -83,9 +83,9 @@ struct Matching {
     DeviceModel model;
     MatchingMethod method = MatchingMethod::constrained;
     MatchingSettings settings;
-    double period = 0.020;           ///< [s]
-    double next = 0;                 ///< simulation time of the next solve [s]
-    bool fresh = false;              ///< solved in this step
+    double period = 0.020;              ///< [s]
+    double next = 0;                    ///< simulation time of the next solve [s]
+    bool fresh = false;                 ///< solved in this step
     std::vector<MatchingPoint> points;  ///< scratch, [sample]
     MatchingResult result;
     std::int64_t solves = 0, constrained_solves = 0, failures = 0, contact_solves = 0;
@@ -98,8 +98,8 @@ struct DeviceLink {
 
 /// Wall time of the systems of one step [s]; the fields follow step.cpp one to one.
 struct StepProfile {
-    double read_trackers = 0, couple = 0, detect_contacts = 0, solve_skin = 0, extract_contact = 0,
-           match_devices = 0, publish = 0;
+    double read_trackers = 0, couple = 0, detect_contacts = 0, solve_skin = 0, extract_contact = 0, match_devices = 0,
+           publish = 0;
     double total() const {
         return read_trackers + couple + detect_contacts + solve_skin + extract_contact + match_devices + publish;
     }
@@ -107,7 +107,7 @@ struct StepProfile {
 
 struct World {
     SolverSettings solver;
-    double time = 0;                 ///< simulated [s]
+    double time = 0;  ///< simulated [s]
     std::int64_t step = 0;
 
     EntityPool fingers, objects, trackers, thimbles;
@@ -122,7 +122,7 @@ struct World {
     std::vector<SkinChunk<float>> float_chunks;
 
     StepProfile profile;
-    std::int64_t crowded = 0;        ///< chunk-steps with more objects near than contact slots
+    std::int64_t crowded = 0;  ///< chunk-steps with more objects near than contact slots
 };
 
 }  // namespace palpate

@@ -19,8 +19,10 @@ void mark_pad(TetMesh& mesh) {
         for (int i : t)
             if (!bone.count(i)) pad.insert(i);
     mesh.pad_nodes.assign(pad.begin(), pad.end());
-    if (mesh.bone_nodes.size() < 3) throw InputError("fewer than three bone nodes: the finger would not follow the hand; widen the bone region");
-    if (mesh.pad_nodes.empty()) throw InputError("no pad node is left: all surface nodes belong to the bone; narrow the bone region");
+    if (mesh.bone_nodes.size() < 3)
+        throw InputError("fewer than three bone nodes: the finger would not follow the hand; widen the bone region");
+    if (mesh.pad_nodes.empty())
+        throw InputError("no pad node is left: all surface nodes belong to the bone; narrow the bone region");
 }
 
 void mark_regions(TetMesh& mesh, const FingerRegions& r) {
@@ -31,7 +33,8 @@ void mark_regions(TetMesh& mesh, const FingerRegions& r) {
         const Point& p = mesh.nodes[i];
         const double along = p[0] - box[0][0], height = p[2] - box[0][2];
         const double beyond = std::max(0.0, along - r.phalanx_length * length + r.phalanx_radius * thickness);
-        const double from_axis = std::hypot(beyond, p[1] - 0.5 * (box[0][1] + box[1][1]), height - r.phalanx_height * thickness);
+        const double from_axis =
+            std::hypot(beyond, p[1] - 0.5 * (box[0][1] + box[1][1]), height - r.phalanx_height * thickness);
         if (along < r.cut * length || height > r.nail * thickness || from_axis < r.phalanx_radius * thickness)
             mesh.bone_nodes.push_back(i);
     }
@@ -90,7 +93,8 @@ double flat_area(const Surface& s, const Vector3d& d) {
         back = std::min(back, x);
     }
     for (const auto& t : s.triangles) {
-        const Vector3d a = Eigen::Map<const Vector3d>(s.vertices[t[0]].data()), b = Eigen::Map<const Vector3d>(s.vertices[t[1]].data()),
+        const Vector3d a = Eigen::Map<const Vector3d>(s.vertices[t[0]].data()),
+                       b = Eigen::Map<const Vector3d>(s.vertices[t[1]].data()),
                        c = Eigen::Map<const Vector3d>(s.vertices[t[2]].data());
         const Vector3d n = (b - a).cross(c - a);
         if (n.dot(d) > 0.94 * n.norm() && d.dot(a + b + c) / 3 > reach - 0.25 * (reach - back)) area += 0.5 * n.norm();

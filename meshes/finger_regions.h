@@ -25,8 +25,8 @@ void mark_pad(TetMesh& mesh);
 
 /// How a surface of unknown orientation was turned into the finger frame.
 struct FrameGuess {
-    Surface surface;         ///< in the finger frame
-    std::string explanation; ///< what was guessed, in words
+    Surface surface;          ///< in the finger frame
+    std::string explanation;  ///< what was guessed, in words
 };
 
 /// Long axis to x, towards the end that is not cut flat; widest of the rest to y; the tip lies on the

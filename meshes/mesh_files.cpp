@@ -44,13 +44,15 @@ class Words {
         const std::string w = word(expected);
         char* end = nullptr;
         const double x = std::strtod(w.c_str(), &end);
-        if (*end || end == w.c_str() || !std::isfinite(x)) refuse(std::string("expected ") + expected + ", found '" + w + "'");
+        if (*end || end == w.c_str() || !std::isfinite(x))
+            refuse(std::string("expected ") + expected + ", found '" + w + "'");
         return x;
     }
     long integer(const char* expected, long low, long high) {
         const double x = number(expected);
         if (x != std::floor(x) || x < low || x > high)
-            refuse(std::string("expected ") + expected + " between " + std::to_string(low) + " and " + std::to_string(high));
+            refuse(std::string("expected ") + expected + " between " + std::to_string(low) + " and " +
+                   std::to_string(high));
         return long(x);
     }
     /// Skips to just behind the word, or says that it is missing.
@@ -63,7 +65,10 @@ class Words {
     long remaining() const { return long(words_.size() - next_); }
 
   private:
-    struct Word { std::string text; int line; };
+    struct Word {
+        std::string text;
+        int line;
+    };
     fs::path path_;
     std::vector<Word> words_;
     std::size_t next_ = 0;
@@ -79,7 +84,8 @@ int node_index(Words& in, const std::map<long, int>& index) {
 }
 
 void read_nodes(Words& in, long count, int extra, TetMesh& mesh, std::map<long, int>& index) {
-    if (count * 4 > in.remaining() + 3) in.refuse("the file declares " + std::to_string(count) + " nodes but ends early (truncated?)");
+    if (count * 4 > in.remaining() + 3)
+        in.refuse("the file declares " + std::to_string(count) + " nodes but ends early (truncated?)");
     for (long i = 0; i < count; ++i) {
         index[in.integer("a node number", 0, many)] = int(mesh.nodes.size());
         Point p{in.number("x"), in.number("y"), in.number("z")};
@@ -94,11 +100,13 @@ TetMesh read_tetgen(fs::path path) {
     Words nodes(path.replace_extension(".node"), true);
     const long count = nodes.integer("the node count", 1, many);
     nodes.integer("the dimension 3", 3, 3);
-    const long attributes = nodes.integer("the attribute count", 0, 100), markers = nodes.integer("0 or 1 markers", 0, 1);
+    const long attributes = nodes.integer("the attribute count", 0, 100),
+               markers = nodes.integer("0 or 1 markers", 0, 1);
     read_nodes(nodes, count, int(attributes + markers), mesh, index);
     Words elements(path.replace_extension(".ele"), true);
     const long tets = elements.integer("the element count", 1, many);
-    const long corners = elements.integer("the nodes per element, 4 or 10", 4, 10), regions = elements.integer("the attribute count", 0, 100);
+    const long corners = elements.integer("the nodes per element, 4 or 10", 4, 10),
+               regions = elements.integer("the attribute count", 0, 100);
     for (long e = 0; e < tets; ++e) {
         elements.integer("an element number", 0, many);
         std::array<int, 4> t{};
@@ -115,11 +123,13 @@ void read_gmsh_2(Words& in, TetMesh& mesh) {
     read_nodes(in, in.integer("the node count", 1, many), 0, mesh, index);
     in.seek("$Elements");
     const long count = in.integer("the element count", 1, many);
-    const std::map<long, int> corner_count{{1, 2}, {2, 3}, {3, 4}, {4, 4}, {5, 8}, {6, 6}, {7, 5}, {8, 3}, {9, 6}, {11, 10}, {15, 1}};
+    const std::map<long, int> corner_count{{1, 2}, {2, 3}, {3, 4}, {4, 4},   {5, 8}, {6, 6},
+                                           {7, 5}, {8, 3}, {9, 6}, {11, 10}, {15, 1}};
     for (long e = 0; e < count; ++e) {
         in.integer("an element number", 0, many);
         const long type = in.integer("an element type", 1, 200), tags = in.integer("a tag count", 0, 20);
-        if (!corner_count.count(type)) in.refuse("element type " + std::to_string(type) + " is not supported; export linear tetrahedra");
+        if (!corner_count.count(type))
+            in.refuse("element type " + std::to_string(type) + " is not supported; export linear tetrahedra");
         for (long k = 0; k < tags; ++k) in.number("a tag");
         std::array<int, 4> t{};
         for (int k = 0; k < corner_count.at(type); ++k) {
@@ -138,7 +148,8 @@ void read_gmsh_4(Words& in, TetMesh& mesh) {
     for (long b = 0; b < node_blocks; ++b) {
         for (int k = 0; k < 3; ++k) in.number("an entity");
         const long count = in.integer("the node count", 0, many);
-        if (count * 4 > in.remaining()) in.refuse("a block declares " + std::to_string(count) + " nodes but the file ends early");
+        if (count * 4 > in.remaining())
+            in.refuse("a block declares " + std::to_string(count) + " nodes but the file ends early");
         for (long i = 0; i < count; ++i) index[in.integer("a node number", 0, many)] = int(mesh.nodes.size() + i);
         for (long i = 0; i < count; ++i) mesh.nodes.push_back({in.number("x"), in.number("y"), in.number("z")});
     }
@@ -149,7 +160,8 @@ void read_gmsh_4(Words& in, TetMesh& mesh) {
     for (long b = 0; b < blocks; ++b) {
         in.number("an entity"), in.number("an entity");
         const long type = in.integer("an element type", 1, 200), count = in.integer("the element count", 0, many);
-        if (!corner_count.count(type)) in.refuse("element type " + std::to_string(type) + " is not supported; export linear tetrahedra");
+        if (!corner_count.count(type))
+            in.refuse("element type " + std::to_string(type) + " is not supported; export linear tetrahedra");
         for (long e = 0; e < count; ++e) {
             in.integer("an element number", 0, many);
             std::array<int, 4> t{};
@@ -169,15 +181,20 @@ TetMesh read_gmsh(const fs::path& path) {
     const double version = in.number("the format version");
     if (in.integer("the file type 0 (ASCII)", 0, 1) == 1) in.refuse("binary Gmsh files are not read; save as ASCII");
     in.rewind();
-    if (version < 4) read_gmsh_2(in, mesh);
-    else if (version > 4.05) read_gmsh_4(in, mesh);
-    else in.refuse("Gmsh format 4.0 is not read; save as 4.1 or 2.2");
+    if (version < 4)
+        read_gmsh_2(in, mesh);
+    else if (version > 4.05)
+        read_gmsh_4(in, mesh);
+    else
+        in.refuse("Gmsh format 4.0 is not read; save as 4.1 or 2.2");
     return mesh;
 }
 
 /// Words of the ASCII DataArray that follows `marker` in the text; empty if there is none.
-std::vector<double> data_array(const fs::path& path, const std::string& text, std::size_t from, const std::string& what) {
-    const std::size_t tag = text.find("<DataArray", from), open = text.find('>', tag), close = text.find("</DataArray>", open);
+std::vector<double> data_array(const fs::path& path, const std::string& text, std::size_t from,
+                               const std::string& what) {
+    const std::size_t tag = text.find("<DataArray", from), open = text.find('>', tag),
+                      close = text.find("</DataArray>", open);
     if (tag == std::string::npos || open == std::string::npos || close == std::string::npos)
         throw InputError(path.string() + ": the array of " + what + " is missing (truncated?)");
     if (text.substr(tag, open - tag).find("ascii") == std::string::npos)
@@ -201,21 +218,25 @@ TetMesh read_vtu(const fs::path& path) {
     if (text.empty()) throw InputError(path.string() + ": no such file, or it is empty");
     auto find = [&](const std::string& what, std::size_t from) {
         const std::size_t at = text.find(what, from);
-        if (at == std::string::npos) throw InputError(path.string() + ": '" + what + "' is missing; expected a VTK unstructured grid");
+        if (at == std::string::npos)
+            throw InputError(path.string() + ": '" + what + "' is missing; expected a VTK unstructured grid");
         return at;
     };
     const std::size_t cells = find("<Cells", 0);
     const auto points = data_array(path, text, find("<Points", 0), "points");
     auto cell_array = [&](const char* name) {
-        return data_array(path, text, text.rfind("<DataArray", find(std::string("Name=\"") + name + "\"", cells)), name);
+        return data_array(path, text, text.rfind("<DataArray", find(std::string("Name=\"") + name + "\"", cells)),
+                          name);
     };
     const auto connectivity = cell_array("connectivity"), offsets = cell_array("offsets"), types = cell_array("types");
     TetMesh mesh;
-    for (std::size_t i = 0; i + 2 < points.size(); i += 3) mesh.nodes.push_back({points[i], points[i + 1], points[i + 2]});
+    for (std::size_t i = 0; i + 2 < points.size(); i += 3)
+        mesh.nodes.push_back({points[i], points[i + 1], points[i + 2]});
     double begin = 0;
     for (std::size_t c = 0; c < std::min(offsets.size(), types.size()); begin = offsets[c++]) {
         if (types[c] != 10) continue;
-        if (offsets[c] - begin != 4 || offsets[c] > double(connectivity.size())) throw InputError(path.string() + ": cell " + std::to_string(c) + " is no tetrahedron of four nodes");
+        if (offsets[c] - begin != 4 || offsets[c] > double(connectivity.size()))
+            throw InputError(path.string() + ": cell " + std::to_string(c) + " is no tetrahedron of four nodes");
         std::array<int, 4> t{};
         for (int k = 0; k < 4; ++k) t[k] = int(connectivity[std::size_t(begin) + k]);
         mesh.tets.push_back(t);
@@ -249,14 +270,20 @@ TetMesh read_tet_mesh(const fs::path& path, const std::string& unit) {
     if (!fs::is_regular_file(path)) throw InputError(path.string() + ": no such file");
     const std::string kind = path.extension().string();
     TetMesh mesh;
-    if (kind == ".node" || kind == ".ele") mesh = read_tetgen(path);
-    else if (kind == ".msh") mesh = read_gmsh(path);
-    else if (kind == ".vtu") mesh = read_vtu(path);
-    else throw InputError(path.string() + ": unknown kind '" + kind + "'; expected .node, .ele, .msh or .vtu");
+    if (kind == ".node" || kind == ".ele")
+        mesh = read_tetgen(path);
+    else if (kind == ".msh")
+        mesh = read_gmsh(path);
+    else if (kind == ".vtu")
+        mesh = read_vtu(path);
+    else
+        throw InputError(path.string() + ": unknown kind '" + kind + "'; expected .node, .ele, .msh or .vtu");
     if (mesh.tets.empty()) throw InputError(path.string() + ": it holds no tetrahedra");
     for (const auto& t : mesh.tets)
         for (int i : t)
-            if (i < 0 || i >= int(mesh.nodes.size())) throw InputError(path.string() + ": an element names node " + std::to_string(i) + " of " + std::to_string(mesh.nodes.size()));
+            if (i < 0 || i >= int(mesh.nodes.size()))
+                throw InputError(path.string() + ": an element names node " + std::to_string(i) + " of " +
+                                 std::to_string(mesh.nodes.size()));
     for (Point& p : mesh.nodes)
         for (double& x : p) x *= factor.at(unit);
     keep_used_nodes(mesh);
@@ -266,7 +293,8 @@ TetMesh read_tet_mesh(const fs::path& path, const std::string& unit) {
     const auto box = bounds(mesh.nodes);
     const double size = std::hypot(box[1][0] - box[0][0], box[1][1] - box[0][1], box[1][2] - box[0][2]);
     if (size < 5e-3 || size > 0.2)
-        wrong.push_back("its bounds measure " + std::to_string(1e3 * size) + " mm; expected 5 to 200 mm (is the unit '" + unit + "' right?)");
+        wrong.push_back("its bounds measure " + std::to_string(1e3 * size) +
+                        " mm; expected 5 to 200 mm (is the unit '" + unit + "' right?)");
     for (auto& w : wrong) w = path.string() + ": " + w;
     if (!wrong.empty()) throw InputError(wrong);
     mesh.surface = boundary(mesh.tets);
@@ -293,12 +321,15 @@ void write_vtu(const fs::path& path, const TetMesh& mesh, const std::vector<Fiel
     std::ostringstream out;
     out.precision(9);
     out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
-        << "<UnstructuredGrid>\n<Piece NumberOfPoints=\"" << mesh.nodes.size() << "\" NumberOfCells=\"" << mesh.tets.size() << "\">\n";
+        << "<UnstructuredGrid>\n<Piece NumberOfPoints=\"" << mesh.nodes.size() << "\" NumberOfCells=\""
+        << mesh.tets.size() << "\">\n";
     auto fields = [&](const char* kind, const std::vector<Field>& list) {
         out << "<" << kind << ">\n";
         for (const Field& f : list) {
-            out << "<DataArray type=\"Float64\" Name=\"" << f.name << "\" NumberOfComponents=\"" << f.components << "\" format=\"ascii\">\n";
-            for (std::size_t i = 0; i < f.values.size(); ++i) out << f.values[i] << ((i + 1) % f.components ? ' ' : '\n');
+            out << "<DataArray type=\"Float64\" Name=\"" << f.name << "\" NumberOfComponents=\"" << f.components
+                << "\" format=\"ascii\">\n";
+            for (std::size_t i = 0; i < f.values.size(); ++i)
+                out << f.values[i] << ((i + 1) % f.components ? ' ' : '\n');
             out << "</DataArray>\n";
         }
         out << "</" << kind << ">\n";

@@ -14,8 +14,8 @@ TetMesh read_tet_mesh(const std::filesystem::path& path, const std::string& unit
 
 /// One value, or three, per node or per element.
 struct Field {
-    std::string name;           ///< with its unit, for example "displacement_mm"
-    int components = 1;         ///< 1 or 3
+    std::string name;    ///< with its unit, for example "displacement_mm"
+    int components = 1;  ///< 1 or 3
     std::vector<double> values;
 };
 

@@ -20,7 +20,8 @@ Eigen::Map<const Vector3d> at(const Surface& s, int vertex) {
 std::string place(const Surface& s, int vertex) {
     char text[96];
     const Point& p = s.vertices[vertex];
-    std::snprintf(text, sizeof text, "vertex %d at (%.4g, %.4g, %.4g) mm", vertex + 1, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2]);
+    std::snprintf(text, sizeof text, "vertex %d at (%.4g, %.4g, %.4g) mm", vertex + 1, 1e3 * p[0], 1e3 * p[1],
+                  1e3 * p[2]);
     return text;
 }
 
@@ -45,19 +46,26 @@ void check_edges(const Surface& s, std::vector<std::string>& wrong) {
             const int a = t[k], b = t[(k + 1) % 3];
             ++uses[{std::min(a, b), std::max(a, b)}][a < b ? 0 : 1];
         }
-    struct { int count = 0; std::array<int, 2> first{}; } open, crowded, turned;
+    struct {
+        int count = 0;
+        std::array<int, 2> first{};
+    } open, crowded, turned;
     auto note = [](auto& kind, const std::array<int, 2>& edge) {
         if (kind.count++ == 0) kind.first = edge;
     };
     for (const auto& [edge, n] : uses) {
-        if (n[0] + n[1] == 1) note(open, edge);
-        else if (n[0] + n[1] > 2) note(crowded, edge);
-        else if (n[0] != n[1]) note(turned, edge);
+        if (n[0] + n[1] == 1)
+            note(open, edge);
+        else if (n[0] + n[1] > 2)
+            note(crowded, edge);
+        else if (n[0] != n[1])
+            note(turned, edge);
     }
     auto say = [&](const auto& kind, const char* what, const char* remedy) {
         if (kind.count)
-            wrong.push_back("the surface " + std::string(what) + ": " + std::to_string(kind.count) + " edges, the first from " +
-                            place(s, kind.first[0]) + " to " + place(s, kind.first[1]) + "; " + remedy);
+            wrong.push_back("the surface " + std::string(what) + ": " + std::to_string(kind.count) +
+                            " edges, the first from " + place(s, kind.first[0]) + " to " + place(s, kind.first[1]) +
+                            "; " + remedy);
     };
     say(open, "is open", "close the holes (cap the cut end)");
     say(crowded, "is non-manifold, more than two triangles share an edge", "remove inner walls and duplicate faces");
@@ -88,7 +96,8 @@ std::array<Point, 2> bounds(const std::vector<Point>& points) {
 std::vector<std::string> check_surface(const Surface& s) {
     std::vector<std::string> wrong;
     if (s.triangles.size() < 4) {
-        wrong.push_back("the surface has " + std::to_string(s.triangles.size()) + " triangles; a closed surface has at least 4");
+        wrong.push_back("the surface has " + std::to_string(s.triangles.size()) +
+                        " triangles; a closed surface has at least 4");
         return wrong;
     }
     for (std::size_t i = 0; i < s.vertices.size(); ++i)
@@ -102,7 +111,8 @@ std::vector<std::string> check_surface(const Surface& s) {
     for (std::size_t i = 0; i < s.triangles.size(); ++i) {
         const auto& t = s.triangles[i];
         if ((at(s, t[1]) - at(s, t[0])).cross(at(s, t[2]) - at(s, t[0])).norm() < 1e-12 * size * size) {
-            wrong.push_back("triangle " + std::to_string(i + 1) + " has no area (" + place(s, t[0]) + "); remove degenerate triangles");
+            wrong.push_back("triangle " + std::to_string(i + 1) + " has no area (" + place(s, t[0]) +
+                            "); remove degenerate triangles");
             break;
         }
     }
@@ -110,12 +120,13 @@ std::vector<std::string> check_surface(const Surface& s) {
     if (!wrong.empty()) return wrong;
     if (const int parts = part_count(s); parts > 1)
         wrong.push_back("the surface has " + std::to_string(parts) + " separate parts; keep one closed surface");
-    if (volume(s) <= 0) wrong.push_back("the surface is inside out (its volume is negative); flip the orientation of its triangles");
+    if (volume(s) <= 0)
+        wrong.push_back("the surface is inside out (its volume is negative); flip the orientation of its triangles");
     const auto crossings = self_intersections(s, 3);
     if (!crossings.empty())
         wrong.push_back("the surface intersects itself: triangles " + std::to_string(crossings[0][0] + 1) + " and " +
-                        std::to_string(crossings[0][1] + 1) + " cross near " + place(s, s.triangles[crossings[0][0]][0]) +
-                        "; repair it in a mesh editor");
+                        std::to_string(crossings[0][1] + 1) + " cross near " +
+                        place(s, s.triangles[crossings[0][0]][0]) + "; repair it in a mesh editor");
     return wrong;
 }
 

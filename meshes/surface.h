@@ -15,8 +15,8 @@ struct Surface {
 };
 
 struct SurfaceFile {
-    Surface surface;          ///< [m]
-    std::string unit;         ///< "m", "cm" or "mm"
+    Surface surface;   ///< [m]
+    std::string unit;  ///< "m", "cm" or "mm"
     bool unit_was_guessed = false;
 };
 

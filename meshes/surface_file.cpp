@@ -54,14 +54,16 @@ Expected scan_obj(const std::filesystem::path& path, std::istream& in) {
                 if (!(words >> word)) refuse(path, where + "a vertex needs three numbers");
                 char* end = nullptr;
                 const double x = std::strtod(word.c_str(), &end);
-                if (*end || !std::isfinite(x)) refuse(path, where + "expected a finite coordinate, found '" + word + "'");
+                if (*end || !std::isfinite(x))
+                    refuse(path, where + "expected a finite coordinate, found '" + word + "'");
             }
         } else if (word == "f") {
             long corners = 0;
             while (words >> word) {
                 const long index = std::strtol(word.c_str(), nullptr, 10);
                 if (index == 0 || std::abs(index) > vertices)
-                    refuse(path, where + "a face names vertex " + word + ", but only " + std::to_string(vertices) + " are defined before it");
+                    refuse(path, where + "a face names vertex " + word + ", but only " + std::to_string(vertices) +
+                                     " are defined before it");
                 ++corners;
             }
             if (corners < 3) refuse(path, where + "a face needs at least three vertices (is the file truncated?)");
@@ -78,8 +80,9 @@ Expected scan_stl(const std::filesystem::path& path, std::istream& in, std::uint
     std::memcpy(&count, head + 80, 4);
     if (size >= 84 && size == 84 + 50ull * count) return {long(count)};
     if (std::strncmp(head, "solid", 5) != 0)
-        refuse(path, "a binary STL of " + std::to_string(count) + " triangles has " + std::to_string(84 + 50ull * count) +
-                         " bytes, this file has " + std::to_string(size) + " (truncated?)");
+        refuse(path, "a binary STL of " + std::to_string(count) + " triangles has " +
+                         std::to_string(84 + 50ull * count) + " bytes, this file has " + std::to_string(size) +
+                         " (truncated?)");
     in.clear();
     in.seekg(0);
     std::string word, last;
@@ -87,13 +90,15 @@ Expected scan_stl(const std::filesystem::path& path, std::istream& in, std::uint
     while (in >> word) {
         if (word == "endfacet") ++e.faces;
         if (word == "endsolid") last = word;
-        if (word == "nan" || word == "NaN" || word == "-nan" || word == "inf") refuse(path, "it holds '" + word + "' where a number is expected");
+        if (word == "nan" || word == "NaN" || word == "-nan" || word == "inf")
+            refuse(path, "it holds '" + word + "' where a number is expected");
     }
     if (last.empty()) refuse(path, "'endsolid' is missing (truncated?)");
     return e;
 }
 
-Expected scan_counts(const std::filesystem::path& path, std::istream& in, std::uintmax_t size, const std::string& kind) {
+Expected scan_counts(const std::filesystem::path& path, std::istream& in, std::uintmax_t size,
+                     const std::string& kind) {
     std::string word;
     long vertices = -1, faces = -1;
     if (kind == ".off") {
@@ -185,15 +190,16 @@ SurfaceFile read_surface(const std::filesystem::path& path, const std::string& u
     const std::map<std::string, double> factor{{"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}};
     if (!file.surface.triangles.empty() && !factor.count(file.unit)) {
         if (unit.empty())
-            refuse(path, "its bounds measure " + std::to_string(diagonal) + " units, which is no fingertip in m, cm or mm; name the unit");
+            refuse(path, "its bounds measure " + std::to_string(diagonal) +
+                             " units, which is no fingertip in m, cm or mm; name the unit");
         refuse(path, "unknown unit '" + unit + "'; expected m, cm or mm");
     }
     const double scale = file.surface.triangles.empty() ? 1 : factor.at(file.unit);
     for (Point& p : file.surface.vertices)
         for (double& x : p) x *= scale;
     if (!file.surface.triangles.empty() && (diagonal * scale < 5e-3 || diagonal * scale > 0.2))
-        refuse(path, "its bounds measure " + std::to_string(1e3 * diagonal * scale) + " mm; expected 5 to 200 mm (is the unit '" +
-                         file.unit + "' right?)");
+        refuse(path, "its bounds measure " + std::to_string(1e3 * diagonal * scale) +
+                         " mm; expected 5 to 200 mm (is the unit '" + file.unit + "' right?)");
     auto wrong = check_surface(file.surface);
     for (auto& w : wrong) w = path.string() + ": " + w;
     if (!wrong.empty()) throw InputError(wrong);

@@ -11,11 +11,11 @@ using Point = std::array<double, 3>;  ///< [m]
 
 /// Tetrahedra with det(x1-x0, x2-x0, x3-x0) > 0. Finger frame: x distal, y radial, z from pad to nail.
 struct TetMesh {
-    std::vector<Point> nodes;               ///< [m]
-    std::vector<std::array<int, 4>> tets;   ///< node indices
-    std::vector<std::array<int, 3>> surface;///< boundary triangles, outward
-    std::vector<int> bone_nodes;            ///< nodes tied to the bone, ascending
-    std::vector<int> pad_nodes;             ///< surface nodes that can touch, ascending
+    std::vector<Point> nodes;                 ///< [m]
+    std::vector<std::array<int, 4>> tets;     ///< node indices
+    std::vector<std::array<int, 3>> surface;  ///< boundary triangles, outward
+    std::vector<int> bone_nodes;              ///< nodes tied to the bone, ascending
+    std::vector<int> pad_nodes;               ///< surface nodes that can touch, ascending
 };
 
 }  // namespace palpate

@@ -76,9 +76,7 @@ int main() {
         tetrahedralize(request.switches, &in, &out);
         reply.node_count = out.numberofpoints;
         reply.tet_count = out.numberoftetrahedra;
-    } catch (int code) {
-        reply.status = code ? code : -1;
-    } catch (...) {
+    } catch (int code) { reply.status = code ? code : -1; } catch (...) {
         reply.status = -1;
     }
     bool sent = write_all(&reply, sizeof reply);

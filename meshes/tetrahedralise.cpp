@@ -37,7 +37,8 @@ std::array<double, 2> element_quality(const TetMesh& m, const std::array<int, 4>
     }
     for (int i = 0; i < 4; ++i)
         for (int j = 0; j < i; ++j)
-            smallest = std::min(smallest, 180 / std::numbers::pi * std::acos(std::clamp(-outward[i].dot(outward[j]), -1.0, 1.0)));
+            smallest = std::min(smallest,
+                                180 / std::numbers::pi * std::acos(std::clamp(-outward[i].dot(outward[j]), -1.0, 1.0)));
     const double v = std::abs(tet_volume(m, t)), inradius = 3 * v / area;
     const Vector3d a = p[1] - p[0], b = p[2] - p[0], c = p[3] - p[0];
     const double circumradius =
@@ -98,7 +99,8 @@ std::vector<std::string> check_tets(const TetMesh& m) {
     for (std::size_t e = 0; e < m.tets.size(); ++e)
         for (int i : m.tets[e]) {
             if (i < 0 || i >= int(m.nodes.size())) {
-                complain("element " + std::to_string(e) + " names node " + std::to_string(i) + " of " + std::to_string(m.nodes.size()));
+                complain("element " + std::to_string(e) + " names node " + std::to_string(i) + " of " +
+                         std::to_string(m.nodes.size()));
                 return wrong;
             }
             used[i] = 1;
@@ -115,8 +117,9 @@ std::vector<std::string> check_tets(const TetMesh& m) {
         const double v = tet_volume(m, m.tets[e]);
         char text[160];
         if (v <= 1e-9 * mean) {
-            std::snprintf(text, sizeof text, "element %zu is %s: its volume is %.3g of the mean; mesh again with better quality",
-                          e, v < 0 ? "inverted" : "flat", v / mean);
+            std::snprintf(text, sizeof text,
+                          "element %zu is %s: its volume is %.3g of the mean; mesh again with better quality", e,
+                          v < 0 ? "inverted" : "flat", v / mean);
             complain(text);
         }
     }
@@ -125,7 +128,8 @@ std::vector<std::string> check_tets(const TetMesh& m) {
 
 TetMesh tetrahedralise(const Surface& surface, const TetrahedraliseSettings& settings) {
     if (settings.elements < 20 || settings.elements > 200000)
-        throw InputError("the wanted number of elements must be between 20 and 200000, found " + std::to_string(settings.elements));
+        throw InputError("the wanted number of elements must be between 20 and 200000, found " +
+                         std::to_string(settings.elements));
     if (auto wrong = check_surface(surface); !wrong.empty()) throw InputError(wrong);
     const TriangleTree reference(surface);
     // Edge of a regular tetrahedron of the mean volume; the count is not monotone in it, so scan around.
@@ -143,11 +147,10 @@ TetMesh tetrahedralise(const Surface& surface, const TetrahedraliseSettings& set
             const double cost = off + 0.2 * std::max(0.0, 20 - measure_quality(mesh).worst_dihedral_deg) / 20;
             if (cost < best_cost) best_cost = cost, best = std::move(mesh);
             if (best_cost < 0.02) break;
-        } catch (const InputError& error) {
-            last_error = error.messages.front();
-        }
+        } catch (const InputError& error) { last_error = error.messages.front(); }
     }
-    if (!best) throw InputError("no sound mesh of about " + std::to_string(settings.elements) + " elements: " + last_error);
+    if (!best)
+        throw InputError("no sound mesh of about " + std::to_string(settings.elements) + " elements: " + last_error);
     best->surface = boundary(best->tets);
     return *best;
 }

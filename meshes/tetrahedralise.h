@@ -8,14 +8,14 @@
 namespace palpate {
 
 struct TetrahedraliseSettings {
-    int elements = 347;             ///< wanted count; the result is near it
-    double time_limit_s = 20;       ///< per TetGen run
-    double memory_limit_MiB = 2048; ///< per TetGen run
+    int elements = 347;              ///< wanted count; the result is near it
+    double time_limit_s = 20;        ///< per TetGen run
+    double memory_limit_MiB = 2048;  ///< per TetGen run
 };
 
 /// Quality of a mesh; dihedral angles in degrees, radius ratio 1 for the regular tetrahedron.
 struct MeshQuality {
-    double volume = 0;  ///< [m^3]
+    double volume = 0;                                       ///< [m^3]
     double worst_dihedral_deg = 0, median_dihedral_deg = 0;  ///< of each element's smallest angle
     double worst_radius_ratio = 0, median_radius_ratio = 0;
     double worst_volume_ratio = 0;  ///< smallest element volume over the mean

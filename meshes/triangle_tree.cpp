@@ -41,9 +41,7 @@ int TriangleTree::build(int begin, int end) {
 
 void TriangleTree::nearest_below(int n, const Vector3d& x, double& best, Vector3d& point) const {
     const Node& node = nodes_[n];
-    auto box_distance = [&](int i) {
-        return (x - x.cwiseMax(nodes_[i].low).cwiseMin(nodes_[i].high)).squaredNorm();
-    };
+    auto box_distance = [&](int i) { return (x - x.cwiseMax(nodes_[i].low).cwiseMin(nodes_[i].high)).squaredNorm(); };
     if (node.left < 0) {
         for (int i = node.begin; i < node.end; ++i) {
             const Vector3d p = nearest_on_triangle(x, corner(order_[i], 0), corner(order_[i], 1), corner(order_[i], 2));

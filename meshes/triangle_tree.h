@@ -28,8 +28,8 @@ class TriangleTree {
   private:
     struct Node {
         Eigen::Vector3d low, high;
-        int left = -1, right = -1;   ///< children; a leaf has none
-        int begin = 0, end = 0;      ///< range of order_ in a leaf
+        int left = -1, right = -1;  ///< children; a leaf has none
+        int begin = 0, end = 0;     ///< range of order_ in a leaf
     };
     int build(int begin, int end);
     void nearest_below(int node, const Eigen::Vector3d& x, double& best, Eigen::Vector3d& point) const;

@@ -70,7 +70,8 @@ std::vector<std::vector<ComparedStep>> compare(Simulation& s, const std::atomic<
     std::vector<std::array<Coordinates, 3>> last(thimbles);
     for (std::size_t t = 0; t < thimbles; ++t)
         for (int m = 0; m < 3; ++m) {
-            pads[t].push_back(make_pad_on_platform(s.scene.spec.fingers[s.scene.spec.thimbles[t].finger], s.world.matchings[t].model));
+            pads[t].push_back(make_pad_on_platform(s.scene.spec.fingers[s.scene.spec.thimbles[t].finger],
+                                                   s.world.matchings[t].model));
             last[t][m] = s.world.matchings[t].model.rest;
         }
     const auto steps = std::int64_t(std::llround(s.scene.duration / s.world.solver.dt));
@@ -89,10 +90,12 @@ std::vector<std::vector<ComparedStep>> compare(Simulation& s, const std::atomic<
             for (const Vec3<double>& f : contact.force) row.virtual_force_N += norm(f);
             if (contact.touching == 0) continue;
             for (int m = 0; m < 3; ++m) {
-                row.result[m] = match(MatchingMethod(m), matching.model, matching.points, matching.settings, last[t][m]);
+                row.result[m] =
+                    match(MatchingMethod(m), matching.model, matching.points, matching.settings, last[t][m]);
                 last[t][m] = row.result[m].w;
                 const auto forces = resimulate(pads[t][m], matching.model, row.result[m].w, *s.arena, row.converged[m]);
-                for (std::size_t i = 0; i < forces.size(); ++i) row.error_N[m] += norm(forces[i] - transposed_times(R, contact.force[i]));
+                for (std::size_t i = 0; i < forces.size(); ++i)
+                    row.error_N[m] += norm(forces[i] - transposed_times(R, contact.force[i]));
             }
             all[t].push_back(row);
         }

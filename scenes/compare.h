@@ -20,8 +20,8 @@ std::vector<Vec3<double>> resimulate(PadOnPlatform& pad, const DeviceModel& mode
 /// One rendering step of one finger.
 struct ComparedStep {
     double time = 0, roll_deg = 0;
-    double virtual_force_N = 0;                 ///< sum of |F_i| of the virtual contact
-    std::array<double, 3> error_N{};            ///< sum of |F_i - Fbar_i| per method, in MatchingMethod's order
+    double virtual_force_N = 0;       ///< sum of |F_i| of the virtual contact
+    std::array<double, 3> error_N{};  ///< sum of |F_i - Fbar_i| per method, in MatchingMethod's order
     std::array<MatchingResult, 3> result;
     std::array<bool, 3> converged{};
 };

@@ -13,17 +13,21 @@ namespace palpate {
 namespace {
 
 const char* const method_names[3] = {"constrained", "unconstrained", "plane"};
-const char* const method_titles[3] = {"constrained optimisation", "unconstrained + projection", "plane fit + projection"};
+const char* const method_titles[3] = {"constrained optimisation", "unconstrained + projection",
+                                      "plane fit + projection"};
 
 Series to_series(const std::vector<ComparedStep>& steps) {
     Series s{{"time_s", "roll_deg", "virtual_force_N"}, {}};
     for (const char* m : method_names)
-        for (const char* column : {"_error_N", "_theta_deg", "_psi_deg", "_dz_mm", "_at_limit", "_converged", "_evaluations"}) s.columns.push_back(std::string(m) + column);
+        for (const char* column :
+             {"_error_N", "_theta_deg", "_psi_deg", "_dz_mm", "_at_limit", "_converged", "_evaluations"})
+            s.columns.push_back(std::string(m) + column);
     for (const ComparedStep& row : steps) {
         for (double v : {row.time, row.roll_deg, row.virtual_force_N}) s.values.push_back(v);
         for (int m = 0; m < 3; ++m) {
             const MatchingResult& r = row.result[m];
-            for (double v : {row.error_N[m], r.w[0] * 57.29577951308232, r.w[1] * 57.29577951308232, 1e3 * r.w[2], double(r.constraint_active), double(row.converged[m]), double(r.evaluations)})
+            for (double v : {row.error_N[m], r.w[0] * 57.29577951308232, r.w[1] * 57.29577951308232, 1e3 * r.w[2],
+                             double(r.constraint_active), double(row.converged[m]), double(r.evaluations)})
                 s.values.push_back(v);
         }
     }
@@ -35,7 +39,8 @@ Plot error_plot(const std::string& finger, const std::vector<ComparedStep>& step
     double low = 1e300, high = -1e300;
     for (const ComparedStep& row : steps) low = std::min(low, row.roll_deg), high = std::max(high, row.roll_deg);
     const bool rolls = high - low > 5;
-    Plot plot{"Force-field error, " + finger, rolls ? "roll angle [degrees]" : "time [s]", "sum |F_i - Fbar_i| [N]", {}, {}};
+    Plot plot{
+        "Force-field error, " + finger, rolls ? "roll angle [degrees]" : "time [s]", "sum |F_i - Fbar_i| [N]", {}, {}};
     for (int m = 0; m < 3; ++m) {
         Curve c{method_titles[m], {}, {}};
         for (const ComparedStep& row : steps) {
@@ -61,7 +66,8 @@ struct CompareArguments {
 };
 
 void print_table(const std::string& finger, const std::vector<ComparedStep>& steps) {
-    std::printf("%s: %zu rendering steps with contact; mean and largest error sum |F_i - Fbar_i| [N]\n", finger.c_str(), steps.size());
+    std::printf("%s: %zu rendering steps with contact; mean and largest error sum |F_i - Fbar_i| [N]\n", finger.c_str(),
+                steps.size());
     for (int m = 0; m < 3; ++m) {
         double sum = 0, largest = 0, share = 0;
         int unconverged = 0;
@@ -72,18 +78,24 @@ void print_table(const std::string& finger, const std::vector<ComparedStep>& ste
             unconverged += !row.converged[m];
         }
         const double n = double(std::max<std::size_t>(1, steps.size()));
-        std::printf("  %-28s %8.4f %8.4f   relative to sum |Fbar_i| %5.1f %%   not converged %d\n", method_titles[m], sum / n, largest, 100 * share / n, unconverged);
+        std::printf("  %-28s %8.4f %8.4f   relative to sum |Fbar_i| %5.1f %%   not converged %d\n", method_titles[m],
+                    sum / n, largest, 100 * share / n, unconverged);
     }
 }
 
 int compare_scene(const CompareArguments& a, const std::atomic<bool>& stop) {
     Scene scene = load_scene(a.scene, a.overrides);
     if (scene.spec.thimbles.empty() || scene.spec.objects.empty())
-        throw InputError(a.scene + ": no finger has a device and something to touch; compare needs both (device = { kind = \"chinello-3rrs\" })");
-    const std::filesystem::path folder = a.out.empty() ? std::filesystem::path("results") / (scene.file.stem().string() + "-compare") : std::filesystem::path(a.out);
+        throw InputError(a.scene +
+                         ": no finger has a device and something to touch; compare needs both (device = { kind = "
+                         "\"chinello-3rrs\" })");
+    const std::filesystem::path folder =
+        a.out.empty() ? std::filesystem::path("results") / (scene.file.stem().string() + "-compare")
+                      : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     std::function<void(double)> progress;
-    if (!a.quiet && isatty(STDERR_FILENO)) progress = [](double share) { std::fprintf(stderr, "\r%3d %%%s", int(100 * share), share >= 1 ? "\n" : ""); };
+    if (!a.quiet && isatty(STDERR_FILENO))
+        progress = [](double share) { std::fprintf(stderr, "\r%3d %%%s", int(100 * share), share >= 1 ? "\n" : ""); };
     const auto all = compare(simulation, stop, progress);
     std::error_code error;
     std::filesystem::create_directories(folder, error);
@@ -92,8 +104,10 @@ int compare_scene(const CompareArguments& a, const std::atomic<bool>& stop) {
     for (std::size_t t = 0; t < all.size(); ++t) {
         const std::string& finger = simulation.scene.spec.fingers[simulation.scene.spec.thimbles[t].finger].name;
         write_csv(folder / (finger + "-errors.csv"), to_series(all[t]));
-        if (all[t].empty()) std::printf("%s: never in contact\n", finger.c_str());
-        else plots.push_back(error_plot(finger, all[t]));
+        if (all[t].empty())
+            std::printf("%s: never in contact\n", finger.c_str());
+        else
+            plots.push_back(error_plot(finger, all[t]));
         if (!a.quiet && !all[t].empty()) print_table(finger, all[t]);
     }
     write_svg(folder / "errors.svg", plots);

@@ -27,19 +27,22 @@ Coordinates parse_pose(const DeviceKind& kind, const std::string& text) {
     while (std::getline(in, cell, ',')) {
         char* end = nullptr;
         const double x = std::strtod(cell.c_str(), &end);
-        if (cell.empty() || *end || !std::isfinite(x)) throw InputError("--pose: expected a number, found '" + cell + "'");
+        if (cell.empty() || *end || !std::isfinite(x))
+            throw InputError("--pose: expected a number, found '" + cell + "'");
         values.push_back(x);
     }
     if (int(values.size()) != int(kind.configuration_names.size()))
-        throw InputError("--pose: " + kind.name + " has " + std::to_string(kind.configuration_names.size()) + " components, found " + std::to_string(values.size()));
+        throw InputError("--pose: " + kind.name + " has " + std::to_string(kind.configuration_names.size()) +
+                         " components, found " + std::to_string(values.size()));
     Coordinates w(values.size());
     for (std::size_t i = 0; i < values.size(); ++i) {
         w[i] = values[i] * (kind.configuration_is_length[i] ? 1e-3 : degree);
         if (w[i] < kind.configuration_min[i] || w[i] > kind.configuration_max[i]) {
             std::ostringstream message;
             const double unit = kind.configuration_is_length[i] ? 1e-3 : degree;
-            message << "--pose: " << kind.configuration_names[i] << " must be between " << kind.configuration_min[i] / unit << " and "
-                    << kind.configuration_max[i] / unit << ", found " << values[i];
+            message << "--pose: " << kind.configuration_names[i] << " must be between "
+                    << kind.configuration_min[i] / unit << " and " << kind.configuration_max[i] / unit << ", found "
+                    << values[i];
             throw InputError(message.str());
         }
     }
@@ -58,7 +61,8 @@ nlohmann::json pose_report(const DeviceModel& m, const Coordinates& w) {
         j["margin_low_deg"].push_back(margins[i] / degree);
         j["margin_high_deg"].push_back(margins[joints.q.size() + i] / degree);
         nlohmann::json row;
-        for (int k = 0; k < w.size(); ++k) row.push_back(clean(joints.dq(i, k) * (m.kind->configuration_is_length[k] ? 1e-3 : 1)));
+        for (int k = 0; k < w.size(); ++k)
+            row.push_back(clean(joints.dq(i, k) * (m.kind->configuration_is_length[k] ? 1e-3 : 1)));
         j["dq_dw"].push_back(row);
     }
     for (int d = 0; d < 3; ++d) {
@@ -74,17 +78,22 @@ void print_pose(const DeviceModel& m, const Coordinates& w) {
     const nlohmann::json j = pose_report(m, w);
     std::printf("%s at", m.kind->name.c_str());
     for (int k = 0; k < w.size(); ++k)
-        std::printf(" %s = %g %s", m.kind->configuration_names[k].c_str(), w[k] / (m.kind->configuration_is_length[k] ? 1e-3 : degree),
+        std::printf(" %s = %g %s", m.kind->configuration_names[k].c_str(),
+                    w[k] / (m.kind->configuration_is_length[k] ? 1e-3 : degree),
                     m.kind->configuration_is_length[k] ? "mm" : "deg");
-    std::printf(": %s\n", !j["closed"].get<bool>() ? "the legs cannot close" : j["inside"].get<bool>() ? "inside the workspace" : "outside the joint limits");
-    std::printf("platform centre p   %.6f %.6f %.6f mm\nplatform normal n   %.9f %.9f %.9f\n", j["p_mm"][0].get<double>(), j["p_mm"][1].get<double>(),
-                j["p_mm"][2].get<double>(), j["n"][0].get<double>(), j["n"][1].get<double>(), j["n"][2].get<double>());
+    std::printf(": %s\n", !j["closed"].get<bool>()  ? "the legs cannot close"
+                          : j["inside"].get<bool>() ? "inside the workspace"
+                                                    : "outside the joint limits");
+    std::printf("platform centre p   %.6f %.6f %.6f mm\nplatform normal n   %.9f %.9f %.9f\n",
+                j["p_mm"][0].get<double>(), j["p_mm"][1].get<double>(), j["p_mm"][2].get<double>(),
+                j["n"][0].get<double>(), j["n"][1].get<double>(), j["n"][2].get<double>());
     std::printf("joint      q [rad]      q [deg]   to lower   to upper limit [deg]    dq/dw (columns:");
     for (const auto& name : m.kind->configuration_names) std::printf(" %s", name.c_str());
     std::printf("; rad per rad, rad per mm)\n");
     for (std::size_t i = 0; i < j["q_rad"].size(); ++i) {
-        std::printf("%5zu %12.9f %12.6f %10.4f %10.4f                ", i + 1, j["q_rad"][i].get<double>(), j["q_rad"][i].get<double>() / degree,
-                    j["margin_low_deg"][i].get<double>(), j["margin_high_deg"][i].get<double>());
+        std::printf("%5zu %12.9f %12.6f %10.4f %10.4f                ", i + 1, j["q_rad"][i].get<double>(),
+                    j["q_rad"][i].get<double>() / degree, j["margin_low_deg"][i].get<double>(),
+                    j["margin_high_deg"][i].get<double>());
         for (const auto& x : j["dq_dw"][i]) std::printf(" %13.9f", x.get<double>());
         std::printf("\n");
     }
@@ -93,7 +102,8 @@ void print_pose(const DeviceModel& m, const Coordinates& w) {
 /// Largest value of component `axis` (in direction `sign`) reachable from `centre` by bisection.
 double reach(const DeviceModel& m, Coordinates centre, int axis, double sign) {
     const double start = centre[axis];
-    double inside = 0, outside = sign * ((sign > 0 ? m.kind->configuration_max : m.kind->configuration_min)[axis] - start);
+    double inside = 0,
+           outside = sign * ((sign > 0 ? m.kind->configuration_max : m.kind->configuration_min)[axis] - start);
     for (int i = 0; i < 50; ++i) {
         const double middle = 0.5 * (inside + outside);
         centre[axis] = start + sign * middle;
@@ -111,7 +121,8 @@ int print_workspace(const DeviceModel& m, bool json) {
     const double low = reach(m, w, last, -1), high = reach(m, w, last, 1);
     nlohmann::json rows = nlohmann::json::array();
     if (!json) {
-        std::printf("%s: level platform from dz = %.4f to %.4f mm\n%10s", kind.name.c_str(), 1e3 * low, 1e3 * high, "dz [mm]");
+        std::printf("%s: level platform from dz = %.4f to %.4f mm\n%10s", kind.name.c_str(), 1e3 * low, 1e3 * high,
+                    "dz [mm]");
         for (int k = 0; k < last; ++k) std::printf("   %6s from      to [deg]", kind.configuration_names[k].c_str());
         std::printf("\n");
     }
@@ -127,7 +138,10 @@ int print_workspace(const DeviceModel& m, bool json) {
         if (!json) std::printf("\n");
         rows.push_back(row);
     }
-    if (json) std::printf("%s\n", nlohmann::json{{"dz_min_mm", 1e3 * low}, {"dz_max_mm", 1e3 * high}, {"rows", rows}}.dump(2).c_str());
+    if (json)
+        std::printf(
+            "%s\n",
+            nlohmann::json{{"dz_min_mm", 1e3 * low}, {"dz_max_mm", 1e3 * high}, {"rows", rows}}.dump(2).c_str());
     return 0;
 }
 
@@ -141,8 +155,10 @@ int show_device(const DeviceArguments& a) {
     const DeviceModel model = kind->defaults();
     if (a.workspace) return print_workspace(model, a.json);
     const Coordinates w = a.pose.empty() ? model.rest : parse_pose(*kind, a.pose);
-    if (a.json) std::printf("%s\n", pose_report(model, w).dump(2).c_str());
-    else print_pose(model, w);
+    if (a.json)
+        std::printf("%s\n", pose_report(model, w).dump(2).c_str());
+    else
+        print_pose(model, w);
     return 0;
 }
 

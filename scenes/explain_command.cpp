@@ -20,13 +20,16 @@ void explain_chunks(const Scene& scene, const std::vector<SkinChunk<T>>& chunks,
         std::vector<std::string> names;
         for (int finger : c.finger)
             if (finger >= 0) names.push_back(scene.spec.fingers[finger].name);
-        std::printf("  chunk of %d %s, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n", c.width, c.width == 1 ? "lane" : "lanes", precision,
-                    joined(names).c_str(), c.topology->elements.size(), c.topology->node_count, c.topology->samples.size(),
+        std::printf("  chunk of %d %s, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n",
+                    c.width, c.width == 1 ? "lane" : "lanes", precision, joined(names).c_str(),
+                    c.topology->elements.size(), c.topology->node_count, c.topology->samples.size(),
                     c.topology->pattern.block_count, double(memory_bytes(c)) / 1e6);
     }
 }
 
-void line(bool built, const char* system, const std::string& why) { std::printf("%-10s %-16s %s\n", built ? "built" : "not built", system, why.c_str()); }
+void line(bool built, const char* system, const std::string& why) {
+    std::printf("%-10s %-16s %s\n", built ? "built" : "not built", system, why.c_str());
+}
 
 int explain(const std::string& file, const std::vector<std::string>& overrides) {
     const Simulation s = make_simulation(load_scene(file, overrides), 1);
@@ -42,31 +45,47 @@ int explain(const std::string& file, const std::vector<std::string>& overrides) 
     }
     for (const Matching& m : s.world.matchings) devices.push_back(s.world.skins.find(m.finger)->name);
 
-    std::printf("%s (%s): %zu fingers, %zu objects\n\nThe step, in order:\n", s.scene.title.c_str(), file.c_str(), spec.fingers.size(), spec.objects.size());
-    line(true, "read_trackers", following.empty() ? "poses from the scene's keyframes" : "recorded hand drives " + joined(following));
+    std::printf("%s (%s): %zu fingers, %zu objects\n\nThe step, in order:\n", s.scene.title.c_str(), file.c_str(),
+                spec.fingers.size(), spec.objects.size());
+    line(true, "read_trackers",
+         following.empty() ? "poses from the scene's keyframes" : "recorded hand drives " + joined(following));
     line(true, "couple", "each finger's bone behind a viscoelastic coupling");
-    line(!spec.objects.empty(), "detect_contacts", spec.objects.empty() ? "no [[object]]: add one and fingers can touch it" : std::to_string(spec.objects.size()) + " objects; at most " + std::to_string(max_contact_slots) + " near one chunk");
+    line(!spec.objects.empty(), "detect_contacts",
+         spec.objects.empty() ? "no [[object]]: add one and fingers can touch it"
+                              : std::to_string(spec.objects.size()) + " objects; at most " +
+                                    std::to_string(max_contact_slots) + " near one chunk");
     line(true, "solve_skin", "chunks run in parallel:");
     explain_chunks(s.scene, s.world.double_chunks, "double");
     explain_chunks(s.scene, s.world.float_chunks, "float");
-    line(!limited.empty(), "  strain limits", limited.empty() ? "no [limits]: add limits = { low = 0.6, high = 1.4 }" : "for " + joined(limited));
-    line(!rubbing.empty(), "  friction", rubbing.empty() ? "no object has friction: add friction = 0.5" : "on " + joined(rubbing));
-    line(!moving.empty(), "  moving objects", moving.empty() ? "all objects are fixed: add [[object.track]] keyframes" : joined(moving));
+    line(!limited.empty(), "  strain limits",
+         limited.empty() ? "no [limits]: add limits = { low = 0.6, high = 1.4 }" : "for " + joined(limited));
+    line(!rubbing.empty(), "  friction",
+         rubbing.empty() ? "no object has friction: add friction = 0.5" : "on " + joined(rubbing));
+    line(!moving.empty(), "  moving objects",
+         moving.empty() ? "all objects are fixed: add [[object.track]] keyframes" : joined(moving));
     line(true, "extract_contact", "touching samples, forces and area per pad");
     const bool wanted = !spec.thimbles.empty();
-    line(!devices.empty(), "match_devices", !devices.empty() ? "for " + joined(devices)
-                                            : wanted         ? "devices are named, but nothing can be touched: add an [[object]]"
-                                                             : "no finger has a device: add device = { kind = \"chinello-3rrs\" }");
-    line(!s.loops.empty(), "publish", s.loops.empty() ? "no thimble" : "mailboxes of " + std::to_string(s.loops.size()) + " simulated thimbles, ticked every " + std::to_string(int(1e3 * s.scene.loop.period + 0.5)) + " ms");
+    line(!devices.empty(), "match_devices",
+         !devices.empty() ? "for " + joined(devices)
+         : wanted         ? "devices are named, but nothing can be touched: add an [[object]]"
+                          : "no finger has a device: add device = { kind = \"chinello-3rrs\" }");
+    line(!s.loops.empty(), "publish",
+         s.loops.empty() ? "no thimble"
+                         : "mailboxes of " + std::to_string(s.loops.size()) + " simulated thimbles, ticked every " +
+                               std::to_string(int(1e3 * s.scene.loop.period + 0.5)) + " ms");
     std::printf("\nmemory of all skins: %.2f MB\n", double(skin_memory_bytes(s.world)) / 1e6);
-    for (std::size_t i = 0; i < spec.fingers.size(); ++i) std::printf("%s: %s\n", spec.fingers[i].name.c_str(), s.scene.mesh_notes[i].c_str());
+    for (std::size_t i = 0; i < spec.fingers.size(); ++i)
+        std::printf("%s: %s\n", spec.fingers[i].name.c_str(), s.scene.mesh_notes[i].c_str());
     return 0;
 }
 
 }  // namespace
 
 Action add_explain_command(CLI::App& program) {
-    struct Arguments { std::string scene; std::vector<std::string> overrides; };
+    struct Arguments {
+        std::string scene;
+        std::vector<std::string> overrides;
+    };
     auto* c = program.add_subcommand("explain", "say what a scene builds, for whom and why");
     auto a = std::make_shared<Arguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();

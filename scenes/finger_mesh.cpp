@@ -16,7 +16,8 @@ void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
         std::sort(mesh.bone_nodes.begin(), mesh.bone_nodes.end());
         mesh.bone_nodes.erase(std::unique(mesh.bone_nodes.begin(), mesh.bone_nodes.end()), mesh.bone_nodes.end());
         if (mesh.bone_nodes.back() >= int(mesh.nodes.size()))
-            throw InputError("bone node " + std::to_string(mesh.bone_nodes.back()) + " does not exist: the mesh has nodes 0 to " + std::to_string(mesh.nodes.size() - 1));
+            throw InputError("bone node " + std::to_string(mesh.bone_nodes.back()) +
+                             " does not exist: the mesh has nodes 0 to " + std::to_string(mesh.nodes.size() - 1));
         mark_pad(mesh);
     } else if (r.half_space) {
         mark_half_space(mesh, r.half_space_normal, r.half_space_offset);
@@ -30,9 +31,11 @@ TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
     shape.pad_bulge = r.shape.pad_bulge;
     shape.nail_drop = r.shape.nail_drop;
     if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
-    const std::string key = std::to_string(r.elements) + " " + std::to_string(shape.pad_bulge) + " " + std::to_string(shape.nail_drop);
+    const std::string key =
+        std::to_string(r.elements) + " " + std::to_string(shape.pad_bulge) + " " + std::to_string(shape.nail_drop);
     auto it = templates.find(key);
-    if (it == templates.end()) it = templates.emplace(key, tetrahedralise(finger_surface(shape), {.elements = r.elements})).first;
+    if (it == templates.end())
+        it = templates.emplace(key, tetrahedralise(finger_surface(shape), {.elements = r.elements})).first;
     TetMesh mesh = it->second;
     for (Point& p : mesh.nodes) {
         p[0] *= r.shape.length / shape.length;
@@ -65,7 +68,8 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
     }
     mark_bone(mesh, r);
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
-            std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) + " bone nodes";
+            std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
+            " bone nodes";
     return mesh;
 }
 

@@ -13,13 +13,13 @@ struct FingerMeshRequest {
     enum class Source { parametric, surface, tets } source = Source::parametric;
     FingerShape shape;
     std::string file, unit;
-    bool keep_frame = false;         ///< the file's axes are the finger frame already
+    bool keep_frame = false;  ///< the file's axes are the finger frame already
     int elements = 347;
     FingerRegions regions;
-    bool half_space = false;         ///< bone nodes by half-space instead of regions
+    bool half_space = false;  ///< bone nodes by half-space instead of regions
     Point half_space_normal{0, 0, 1};
-    double half_space_offset = 0;    ///< [m]
-    std::vector<int> bone_nodes;     ///< bone nodes by list, if not empty
+    double half_space_offset = 0;  ///< [m]
+    std::vector<int> bone_nodes;   ///< bone nodes by list, if not empty
 };
 
 /// Templates of parametric fingers: fingers that differ in length, width and thickness only are one

@@ -30,7 +30,8 @@ std::vector<Keyframe> read_track(Section& owner) {
         k.pose = read_pose(s);
         if (!s.has("position_mm")) k.pose.position = before.position;
         if (!s.has("rotation_deg")) k.pose.rotation = before.rotation;
-        if (!track.empty() && k.time <= track.back().time) s.complain("t_s", "keyframes must follow each other in time");
+        if (!track.empty() && k.time <= track.back().time)
+            s.complain("t_s", "keyframes must follow each other in time");
         s.finish();
         track.push_back(k);
     }
@@ -71,7 +72,8 @@ void read_limits(Section s, FingerSpec& f) {
     f.has_limits = s.boolean("enabled", true);
     f.limit_low = s.number("low", f.limit_low, 0, 1);
     f.limit_high = s.number("high", f.limit_high, 1, 100);
-    if (f.limit_low >= 1 || f.limit_high <= 1) s.complain("low", "limits must leave room around the rest shape: low < 1 < high");
+    if (f.limit_low >= 1 || f.limit_high <= 1)
+        s.complain("low", "limits must leave room around the rest shape: low < 1 < high");
     s.finish();
 }
 
@@ -88,7 +90,8 @@ void read_coupling(Section s, Coupling& c) {
 FingerMeshRequest read_mesh_request(Section& s, const std::filesystem::path& folder) {
     FingerMeshRequest r;
     Section shape = s.table("shape");
-    const std::string preset = shape ? shape.choice("finger", "index", {"thumb", "index", "middle", "ring", "little"}) : "index";
+    const std::string preset =
+        shape ? shape.choice("finger", "index", {"thumb", "index", "middle", "ring", "little"}) : "index";
     r.shape = finger_shape(preset);
     r.shape.length = shape.number("length_mm", r.shape.length / mm, 10, 60, mm);
     r.shape.width = shape.number("width_mm", r.shape.width / mm, 6, 40, mm);
@@ -100,7 +103,8 @@ FingerMeshRequest read_mesh_request(Section& s, const std::filesystem::path& fol
     Section file = s.table("mesh");
     if (file) {
         const std::string surface = file.text("surface", ""), tets = file.text("tets", "");
-        if (surface.empty() == tets.empty()) file.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
+        if (surface.empty() == tets.empty())
+            file.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
         if (shape) file.complain("surface", "a finger has either a shape or a mesh, not both");
         r.source = tets.empty() ? FingerMeshRequest::Source::surface : FingerMeshRequest::Source::tets;
         r.file = (folder / (tets.empty() ? surface : tets)).lexically_normal().string();
@@ -195,7 +199,8 @@ void read_objects(Section& root, Scene& scene) {
         o.pose = read_pose(s);
         o.friction = s.number("friction", 0, 0, 100);
         auto track = read_track(s);
-        if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg"))) s.complain("position_mm", "an object has either a pose or a track");
+        if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg")))
+            s.complain("position_mm", "an object has either a pose or a track");
         if (!track.empty()) o.pose = track.front().pose;
         s.finish();
         scene.object_motions.push_back(std::move(track));
@@ -208,12 +213,15 @@ void read_recording(Section s, Scene& scene, const std::filesystem::path& folder
     const std::string file = s.text("file", ""), hand = s.choice("hand", "right", {"left", "right"});
     scene.recording_pose = read_pose(s);
     scene.recording_start = s.number("start_s", 0, 0, 1e5);
-    if (file.empty()) s.complain("file", "expected the name of a recording (.jsonl or .csv)");
-    else try {
-        scene.recording = std::make_shared<HandRecording>(read_hand_recording((folder / file).lexically_normal(), hand));
-    } catch (const InputError& error) {
-        for (const auto& m : error.messages) s.complain("file", m);
-    }
+    if (file.empty())
+        s.complain("file", "expected the name of a recording (.jsonl or .csv)");
+    else
+        try {
+            scene.recording =
+                std::make_shared<HandRecording>(read_hand_recording((folder / file).lexically_normal(), hand));
+        } catch (const InputError& error) {
+            for (const auto& m : error.messages) s.complain("file", m);
+        }
     s.finish();
 }
 
@@ -228,7 +236,8 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         FingerSpec f = common;
         const int index = int(scene.spec.fingers.size());
         f.name = s.text("name", "finger " + std::to_string(index));
-        if (f.name.find_first_of("/\\\"\n,") != std::string::npos || f.name.empty()) s.complain("name", "a name is used for files: no slashes, quotes or commas");
+        if (f.name.find_first_of("/\\\"\n,") != std::string::npos || f.name.empty())
+            s.complain("name", "a name is used for files: no slashes, quotes or commas");
         if (!names.insert(f.name).second) s.complain("name", "two fingers are called '" + f.name + "'");
         read_material(s.table("material"), f);
         read_limits(s.table("limits"), f);
@@ -238,8 +247,10 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         const std::string follow = s.text("follow", "");
         if (!follow.empty()) {
             const auto it = std::find(finger_names.begin(), finger_names.end(), follow);
-            if (it == finger_names.end()) s.complain("follow", "expected thumb, index, middle, ring or little, found \"" + follow + "\"");
-            else motion.recorded_finger = int(it - finger_names.begin());
+            if (it == finger_names.end())
+                s.complain("follow", "expected thumb, index, middle, ring or little, found \"" + follow + "\"");
+            else
+                motion.recorded_finger = int(it - finger_names.begin());
             if (!scene.recording) s.complain("follow", "the scene has no [recording] to follow");
         }
         const FingerMeshRequest request = read_mesh_request(s, folder);
@@ -295,7 +306,8 @@ void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
 TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time) {
     const FingerMotion& motion = scene.finger_motions[finger];
     if (motion.recorded_finger >= 0) {
-        TrackerPose::Sample s = sample_recording(*scene.recording, motion.recorded_finger, time + scene.recording_start);
+        TrackerPose::Sample s =
+            sample_recording(*scene.recording, motion.recorded_finger, time + scene.recording_start);
         s.time = time;
         if (s.valid) s.pose = compose(scene.recording_pose, s.pose);
         return s;
@@ -317,7 +329,8 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<std::strin
         table = toml::parse_file(file.string());
     } catch (const toml::parse_error& error) {
         const auto& at = error.source().begin;
-        throw InputError(file.string() + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) + ": " + std::string(error.description()));
+        throw InputError(file.string() + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) + ": " +
+                         std::string(error.description()));
     }
     for (const std::string& o : overrides) apply_override(table, o, problems);
     read_scene(table, scene, problems);

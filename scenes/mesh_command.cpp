@@ -54,19 +54,28 @@ int make_mesh(const MeshArguments& a) {
         write_vtu(a.out, mesh, {{"region", 1, region}}, {});
     }
     if (a.json) {
-        const nlohmann::json j{{"note", note}, {"elements", mesh.tets.size()}, {"nodes", mesh.nodes.size()}, {"volume_mm3", 1e9 * q.volume},
-                               {"surface_volume_mm3", 1e9 * surface_volume}, {"worst_dihedral_deg", q.worst_dihedral_deg},
-                               {"median_dihedral_deg", q.median_dihedral_deg}, {"worst_radius_ratio", q.worst_radius_ratio},
-                               {"median_radius_ratio", q.median_radius_ratio}, {"pad_nodes", mesh.pad_nodes.size()}, {"bone_nodes", mesh.bone_nodes.size()}};
+        const nlohmann::json j{{"note", note},
+                               {"elements", mesh.tets.size()},
+                               {"nodes", mesh.nodes.size()},
+                               {"volume_mm3", 1e9 * q.volume},
+                               {"surface_volume_mm3", 1e9 * surface_volume},
+                               {"worst_dihedral_deg", q.worst_dihedral_deg},
+                               {"median_dihedral_deg", q.median_dihedral_deg},
+                               {"worst_radius_ratio", q.worst_radius_ratio},
+                               {"median_radius_ratio", q.median_radius_ratio},
+                               {"pad_nodes", mesh.pad_nodes.size()},
+                               {"bone_nodes", mesh.bone_nodes.size()}};
         std::printf("%s\n", j.dump(2).c_str());
         return 0;
     }
     std::printf("%s\n", note.c_str());
-    std::printf("elements          %zu (%d wanted)\nnodes             %zu, of which %zu pad, %zu bone\n", mesh.tets.size(), a.elements,
-                mesh.nodes.size(), mesh.pad_nodes.size(), mesh.bone_nodes.size());
-    std::printf("volume            %.2f mm3 (surface %.2f mm3, %+.3f %%)\n", 1e9 * q.volume, 1e9 * surface_volume, 100 * (q.volume / surface_volume - 1));
-    std::printf("smallest dihedral worst %.1f, median %.1f degrees\nradius ratio      worst %.2f, median %.2f (1 = regular)\n", q.worst_dihedral_deg,
-                q.median_dihedral_deg, q.worst_radius_ratio, q.median_radius_ratio);
+    std::printf("elements          %zu (%d wanted)\nnodes             %zu, of which %zu pad, %zu bone\n",
+                mesh.tets.size(), a.elements, mesh.nodes.size(), mesh.pad_nodes.size(), mesh.bone_nodes.size());
+    std::printf("volume            %.2f mm3 (surface %.2f mm3, %+.3f %%)\n", 1e9 * q.volume, 1e9 * surface_volume,
+                100 * (q.volume / surface_volume - 1));
+    std::printf(
+        "smallest dihedral worst %.1f, median %.1f degrees\nradius ratio      worst %.2f, median %.2f (1 = regular)\n",
+        q.worst_dihedral_deg, q.median_dihedral_deg, q.worst_radius_ratio, q.median_radius_ratio);
     if (!a.out.empty()) std::printf("written           %s (field region: 0 inside, 1 bone, 2 pad)\n", a.out.c_str());
     return 0;
 }
@@ -84,8 +93,10 @@ Action add_mesh_command(CLI::App& program) {
     c->add_option("--width", a->width_mm, "built-in finger: width [mm]");
     c->add_option("--thickness", a->thickness_mm, "built-in finger: thickness [mm]");
     c->add_option("--pad-bulge", a->pad_bulge, "built-in finger: swelling of the pad, 0 to 0.5");
-    c->add_option("--nail", a->nail, "share of the thickness above which nodes belong to nail and back, 0 to 1")->check(CLI::Range(0.0, 1.0));
-    c->add_flag("--keep-frame", a->keep_frame, "the file's axes are the finger frame (x distal, z to the nail) already");
+    c->add_option("--nail", a->nail, "share of the thickness above which nodes belong to nail and back, 0 to 1")
+        ->check(CLI::Range(0.0, 1.0));
+    c->add_flag("--keep-frame", a->keep_frame,
+                "the file's axes are the finger frame (x distal, z to the nail) already");
     c->add_flag("--json", a->json, "print the report as JSON");
     return [a] { return make_mesh(*a); };
 }

@@ -39,14 +39,17 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     if (!a.quiet && !a.json)
         for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
             std::printf("%s: %s\n", scene.spec.fingers[i].name.c_str(), scene.mesh_notes[i].c_str());
-    const std::filesystem::path folder = a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
+    const std::filesystem::path folder =
+        a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     run(simulation, stop, progress_bar(a.quiet));
     const Summary summary = summarise(simulation);
     const auto files = write_results(folder, simulation, summary);
-    if (a.json) std::printf("%s\n", to_json(summary).dump(2).c_str());
-    else if (!a.quiet) std::printf("\n%s\n%zu files in %s (picture.svg, plots.svg, summary.json, per finger .csv and .vtu)\n",
-                                   to_text(summary).c_str(), files.size(), folder.string().c_str());
+    if (a.json)
+        std::printf("%s\n", to_json(summary).dump(2).c_str());
+    else if (!a.quiet)
+        std::printf("\n%s\n%zu files in %s (picture.svg, plots.svg, summary.json, per finger .csv and .vtu)\n",
+                    to_text(summary).c_str(), files.size(), folder.string().c_str());
     if (stop) std::fprintf(stderr, "stopped early at %.3f s; thimbles are in their rest pose\n", simulation.world.time);
     return stop ? 130 : 0;
 }
@@ -58,9 +61,13 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     auto a = std::make_shared<RunArguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();
     c->add_option("--out", a->out, "folder for results (default: results/SCENE)");
-    c->add_option("--set", a->overrides, "override a value of the scene, for example finger.index.material.young_kPa=40")->take_all()->allow_extra_args(false);
+    c->add_option("--set", a->overrides,
+                  "override a value of the scene, for example finger.index.material.young_kPa=40")
+        ->take_all()
+        ->allow_extra_args(false);
     c->add_option("--threads", a->threads, "threads (default: all cores)")->check(CLI::Range(1, 1024));
-    c->add_option("--duration", a->duration, "seconds to simulate (default: the scene's)")->check(CLI::Range(1e-3, 1e5));
+    c->add_option("--duration", a->duration, "seconds to simulate (default: the scene's)")
+        ->check(CLI::Range(1e-3, 1e5));
     c->add_flag("--quiet", a->quiet, "print nothing but errors");
     c->add_flag("--json", a->json, "print the summary as JSON");
     return [a, &stop] { return run_scene(*a, stop); };

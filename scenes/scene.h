@@ -17,23 +17,23 @@ namespace palpate {
 /// What moves a finger: a script relative to the hand's script, or a recorded hand.
 struct FingerMotion {
     std::vector<Keyframe> keyframes;
-    int recorded_finger = -1;        ///< index into finger_names; -1: scripted
+    int recorded_finger = -1;  ///< index into finger_names; -1: scripted
 };
 
 struct Scene {
     std::filesystem::path file;
     std::string title;
-    double duration = 1;             ///< [s]
+    double duration = 1;  ///< [s]
     SceneSpec spec;
-    std::vector<Keyframe> hand;      ///< empty: the hand stays at the origin
-    std::vector<FingerMotion> finger_motions;              ///< per finger
-    std::vector<std::vector<Keyframe>> object_motions;     ///< per object; empty: fixed
-    std::shared_ptr<const HandRecording> recording;        ///< absent unless a finger follows it
-    Pose<double> recording_pose = Pose<double>::identity();///< recorded frame -> world
-    double recording_start = 0;                            ///< time in the recording at scene time 0 [s]
+    std::vector<Keyframe> hand;                              ///< empty: the hand stays at the origin
+    std::vector<FingerMotion> finger_motions;                ///< per finger
+    std::vector<std::vector<Keyframe>> object_motions;       ///< per object; empty: fixed
+    std::shared_ptr<const HandRecording> recording;          ///< absent unless a finger follows it
+    Pose<double> recording_pose = Pose<double>::identity();  ///< recorded frame -> world
+    double recording_start = 0;                              ///< time in the recording at scene time 0 [s]
     ThimbleLoopSettings loop;
     ServoModel servo;
-    std::vector<std::string> mesh_notes;                   ///< per finger: what was built, what was guessed
+    std::vector<std::string> mesh_notes;  ///< per finger: what was built, what was guessed
 };
 
 /// Reads a scene file and builds its meshes. `overrides` are "key=value". Throws InputError with all

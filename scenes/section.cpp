@@ -9,7 +9,8 @@ namespace palpate {
 void Problems::add(const toml::node* where, const std::string& message) {
     std::ostringstream out;
     out << file.string();
-    if (where && where->source().begin.line > 0) out << ":" << where->source().begin.line << ":" << where->source().begin.column;
+    if (where && where->source().begin.line > 0)
+        out << ":" << where->source().begin.line << ":" << where->source().begin.column;
     out << ": " << message;
     messages.push_back(out.str());
 }
@@ -21,10 +22,14 @@ std::string describe(const toml::node& node) {
     if (node.is_table()) return "a table";
     if (node.is_array()) return "an array";
     node.visit([&](const auto& n) {
-        if constexpr (toml::is_string<decltype(n)>) out << "the text \"" << n.get() << "\"";
-        else if constexpr (toml::is_integer<decltype(n)> || toml::is_floating_point<decltype(n)>) out << n.get();
-        else if constexpr (toml::is_boolean<decltype(n)>) out << (n.get() ? "true" : "false");
-        else out << "something else";
+        if constexpr (toml::is_string<decltype(n)>)
+            out << "the text \"" << n.get() << "\"";
+        else if constexpr (toml::is_integer<decltype(n)> || toml::is_floating_point<decltype(n)>)
+            out << n.get();
+        else if constexpr (toml::is_boolean<decltype(n)>)
+            out << (n.get() ? "true" : "false");
+        else
+            out << "something else";
     });
     return out.str();
 }
@@ -70,7 +75,8 @@ double Section::number(const std::string& key, double fallback, double low, doub
     if (!node) return fallback * factor;
     const auto value = node->value<double>();
     if (!node->is_number() || !value || !std::isfinite(*value) || *value < low || *value > high) {
-        problems_->add(node, full(key) + ": expected a number from " + number_text(low) + " to " + number_text(high) + ", found " + describe(*node));
+        problems_->add(node, full(key) + ": expected a number from " + number_text(low) + " to " + number_text(high) +
+                                 ", found " + describe(*node));
         return fallback * factor;
     }
     return *value * factor;
@@ -81,7 +87,8 @@ int Section::integer(const std::string& key, int fallback, int low, int high) {
     if (!node) return fallback;
     const auto value = node->is_integer() ? node->value<std::int64_t>() : std::nullopt;
     if (!value || *value < low || *value > high) {
-        problems_->add(node, full(key) + ": expected a whole number from " + std::to_string(low) + " to " + std::to_string(high) + ", found " + describe(*node));
+        problems_->add(node, full(key) + ": expected a whole number from " + std::to_string(low) + " to " +
+                                 std::to_string(high) + ", found " + describe(*node));
         return fallback;
     }
     return int(*value);
@@ -107,7 +114,8 @@ std::string Section::text(const std::string& key, const std::string& fallback) {
     return *node->value<std::string>();
 }
 
-std::string Section::choice(const std::string& key, const std::string& fallback, const std::vector<std::string>& allowed) {
+std::string Section::choice(const std::string& key, const std::string& fallback,
+                            const std::vector<std::string>& allowed) {
     const std::string value = text(key, fallback);
     if (std::find(allowed.begin(), allowed.end(), value) != allowed.end()) return value;
     problems_->add(get(key), full(key) + ": expected one of " + joined(allowed) + ", found \"" + value + "\"");
@@ -126,8 +134,10 @@ Vec3<double> Section::vector(const std::string& key, const Vec3<double>& fallbac
         if (good) v[i] = *x * factor;
     }
     if (good) return v;
-    problems_->add(node, full(key) + ": expected three numbers [x, y, z] of at most " + number_text(bound) + ", found " +
-                             (array ? "an array of " + std::to_string(array->size()) + " values, or one that is no such number" : describe(*node)));
+    problems_->add(
+        node, full(key) + ": expected three numbers [x, y, z] of at most " + number_text(bound) + ", found " +
+                  (array ? "an array of " + std::to_string(array->size()) + " values, or one that is no such number"
+                         : describe(*node)));
     return factor * fallback;
 }
 
@@ -142,7 +152,8 @@ std::vector<int> Section::integers(const std::string& key) {
             good = good && x && *x >= 0 && *x < 10000000;
             if (good) values.push_back(int(*x));
         }
-    if (!good) problems_->add(node, full(key) + ": expected an array of whole numbers from 0, found " + describe(*node));
+    if (!good)
+        problems_->add(node, full(key) + ": expected an array of whole numbers from 0, found " + describe(*node));
     return values;
 }
 
@@ -157,14 +168,17 @@ std::vector<Section> Section::tables(const std::string& key) {
     const toml::node* node = get(key);
     if (!node) return list;
     if (!node->is_array()) {
-        problems_->add(node, full(key) + ": expected an array of tables ([[" + full(key) + "]]), found " + describe(*node));
+        problems_->add(node,
+                       full(key) + ": expected an array of tables ([[" + full(key) + "]]), found " + describe(*node));
         return list;
     }
     int index = 0;
     for (const auto& entry : *node->as_array()) {
         const std::string path = full(key) + "[" + std::to_string(index++) + "]";
-        if (entry.is_table()) list.emplace_back(entry.as_table(), path, *problems_);
-        else problems_->add(&entry, path + ": expected a table, found " + describe(entry));
+        if (entry.is_table())
+            list.emplace_back(entry.as_table(), path, *problems_);
+        else
+            problems_->add(&entry, path + ": expected a table, found " + describe(entry));
     }
     return list;
 }
@@ -181,9 +195,12 @@ void Section::finish() {
         if (known_.count(key)) continue;
         std::string nearest;
         for (const std::string& k : known_)
-            if (edit_distance(k, key) <= std::max<std::size_t>(2, key.size() / 4) && (nearest.empty() || edit_distance(k, key) < edit_distance(nearest, key))) nearest = k;
+            if (edit_distance(k, key) <= std::max<std::size_t>(2, key.size() / 4) &&
+                (nearest.empty() || edit_distance(k, key) < edit_distance(nearest, key)))
+                nearest = k;
         problems_->add(&node, full(key) + ": unknown key; " +
-                                  (nearest.empty() ? "known here: " + joined({known_.begin(), known_.end()}) : "did you mean '" + nearest + "'?"));
+                                  (nearest.empty() ? "known here: " + joined({known_.begin(), known_.end()})
+                                                   : "did you mean '" + nearest + "'?"));
     }
 }
 
@@ -209,15 +226,18 @@ void apply_override(toml::table& root, const std::string& assignment, Problems& 
     for (std::string key; std::getline(path, key, '.');) keys.push_back(key);
     toml::node* node = &root;
     for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
-        if (node->is_array()) node = find_entry(*node->as_array(), keys[i]);
+        if (node->is_array())
+            node = find_entry(*node->as_array(), keys[i]);
         else if (node->is_table()) {
             if (!node->as_table()->contains(keys[i])) node->as_table()->insert(keys[i], toml::table{});
             node = node->as_table()->get(keys[i]);
-        } else node = nullptr;
+        } else
+            node = nullptr;
         if (!node) return problems.add(nullptr, where + "there is no '" + keys[i] + "' to set");
     }
     const std::string value = assignment.substr(equals + 1);
-    if (node->is_array() || !node->is_table() || keys.empty()) return problems.add(nullptr, where + "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table");
+    if (node->is_array() || !node->is_table() || keys.empty())
+        return problems.add(nullptr, where + "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table");
     toml::table parsed;
     try {
         parsed = toml::parse("v = " + value);

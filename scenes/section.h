@@ -2,11 +2,11 @@
 // Reading tables of a scene file: every problem is collected with file, line, key, what was expected
 // and what was found; keys that nobody read are problems too.
 
+#include <toml++/toml.h>
 #include <filesystem>
 #include <optional>
 #include <set>
 #include <string>
-#include <toml++/toml.h>
 #include <vector>
 
 #include "engine/ecs/linear.h"
@@ -23,7 +23,8 @@ struct Problems {
 /// One table. Each getter marks its key as known; `finish` complains about the rest.
 class Section {
   public:
-    Section(const toml::table* table, std::string path, Problems& problems) : table_(table), path_(std::move(path)), problems_(&problems) {}
+    Section(const toml::table* table, std::string path, Problems& problems)
+        : table_(table), path_(std::move(path)), problems_(&problems) {}
 
     explicit operator bool() const { return table_ != nullptr; }
     const std::string& path() const { return path_; }

@@ -10,14 +10,17 @@ namespace palpate {
 namespace {
 
 const std::vector<std::string> finger_columns{
-    "time_s", "contact_force_N", "force_x_N", "force_y_N", "force_z_N", "contact_area_mm2", "touching_samples",
-    "coupling_force_N", "bone_x_mm", "bone_y_mm", "bone_z_mm", "newton_iterations", "multiplier_updates", "converged",
-    "residual_N", "limit_violation", "limited_elements", "penetration_um"};
-const std::vector<std::string> thimble_columns{"theta_deg", "psi_deg", "dz_mm", "q1_deg", "q2_deg", "q3_deg", "sent1_deg",
-                                               "sent2_deg", "sent3_deg", "servo1_deg", "servo2_deg", "servo3_deg",
-                                               "matching_rms_mm", "constraint_active", "contact_matched"};
-const std::vector<std::string> step_columns{"time_s",          "read_trackers_us",  "couple_us",        "detect_contacts_us", "solve_skin_us",
-                                            "extract_contact_us", "match_devices_us", "publish_us", "total_us"};
+    "time_s",           "contact_force_N",   "force_x_N",          "force_y_N", "force_z_N",
+    "contact_area_mm2", "touching_samples",  "coupling_force_N",   "bone_x_mm", "bone_y_mm",
+    "bone_z_mm",        "newton_iterations", "multiplier_updates", "converged", "residual_N",
+    "limit_violation",  "limited_elements",  "penetration_um"};
+const std::vector<std::string> thimble_columns{
+    "theta_deg",       "psi_deg",           "dz_mm",          "q1_deg",     "q2_deg",     "q3_deg",
+    "sent1_deg",       "sent2_deg",         "sent3_deg",      "servo1_deg", "servo2_deg", "servo3_deg",
+    "matching_rms_mm", "constraint_active", "contact_matched"};
+const std::vector<std::string> step_columns{
+    "time_s",           "read_trackers_us", "couple_us", "detect_contacts_us", "solve_skin_us", "extract_contact_us",
+    "match_devices_us", "publish_us",       "total_us"};
 constexpr double degrees = 57.29577951308232;
 
 int thimble_of(const World& world, EntityId finger) {
@@ -34,10 +37,11 @@ void record_finger(Simulation& s, std::size_t i) {
     const Pose<double> bone = bone_pose(w, finger);
     s.finger_resets[i] += status.reset;
     std::vector<double>& out = s.finger_series[i].values;
-    for (double v : {w.time, c.normal_force, c.total.x, c.total.y, c.total.z, 1e6 * c.touching_area, double(c.touching),
-                     w.couplings.find(finger)->force_N, 1e3 * bone.position.x, 1e3 * bone.position.y, 1e3 * bone.position.z,
-                     double(status.newton_iterations), double(status.multiplier_updates), double(status.converged),
-                     status.residual_N, status.limit_violation, double(status.limited_elements), 1e6 * status.penetration_m})
+    for (double v :
+         {w.time, c.normal_force, c.total.x, c.total.y, c.total.z, 1e6 * c.touching_area, double(c.touching),
+          w.couplings.find(finger)->force_N, 1e3 * bone.position.x, 1e3 * bone.position.y, 1e3 * bone.position.z,
+          double(status.newton_iterations), double(status.multiplier_updates), double(status.converged),
+          status.residual_N, status.limit_violation, double(status.limited_elements), 1e6 * status.penetration_m})
         out.push_back(v);
     const int t = thimble_of(w, finger);
     if (t < 0) return;
@@ -60,7 +64,8 @@ Simulation make_simulation(Scene scene, int threads) {
     Simulation s;
     s.scene = std::move(scene);
     s.world = build_world(s.scene.spec);
-    s.arena = std::make_unique<oneapi::tbb::task_arena>(threads > 0 ? threads : oneapi::tbb::info::default_concurrency());
+    s.arena =
+        std::make_unique<oneapi::tbb::task_arena>(threads > 0 ? threads : oneapi::tbb::info::default_concurrency());
     for (std::size_t row = 0; row < s.world.skins.size(); ++row) s.fingers.push_back(s.world.skins.owner(row));
     for (std::size_t row = 0; row < s.world.matchings.size(); ++row) {
         auto loop = std::make_unique<ThimbleLoop>();
@@ -73,7 +78,8 @@ Simulation make_simulation(Scene scene, int threads) {
     const auto steps = std::size_t(std::ceil(s.scene.duration / s.scene.spec.solver.dt)) + 2;
     for (const EntityId finger : s.fingers) {
         Series series{finger_columns, {}};
-        if (thimble_of(s.world, finger) >= 0) series.columns.insert(series.columns.end(), thimble_columns.begin(), thimble_columns.end());
+        if (thimble_of(s.world, finger) >= 0)
+            series.columns.insert(series.columns.end(), thimble_columns.begin(), thimble_columns.end());
         series.reserve(std::min<std::size_t>(steps, 2000000));
         s.finger_series.push_back(std::move(series));
     }
@@ -97,7 +103,8 @@ void advance(Simulation& s) {
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
     const StepProfile& p = w.profile;
     s.step_series.values.push_back(w.time);
-    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.extract_contact, p.match_devices, p.publish, p.total()})
+    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.extract_contact,
+                           p.match_devices, p.publish, p.total()})
         s.step_series.values.push_back(1e6 * seconds);
 }
 

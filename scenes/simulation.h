@@ -15,11 +15,11 @@ struct Simulation {
     Scene scene;
     World world;
     std::unique_ptr<oneapi::tbb::task_arena> arena;
-    std::vector<EntityId> fingers;                     ///< in the scene's order
-    std::vector<std::unique_ptr<ThimbleLoop>> loops;   ///< per thimble
-    std::vector<Series> finger_series;                 ///< one row per step
-    std::vector<std::int64_t> finger_resets;           ///< per finger: times it diverged and was reset
-    Series step_series;                                ///< wall time per system, one row per step
+    std::vector<EntityId> fingers;                    ///< in the scene's order
+    std::vector<std::unique_ptr<ThimbleLoop>> loops;  ///< per thimble
+    std::vector<Series> finger_series;                ///< one row per step
+    std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
+    Series step_series;                               ///< wall time per system, one row per step
 };
 
 /// Threads: 0 = as many as the machine has.

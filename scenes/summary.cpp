@@ -47,7 +47,9 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
         f.has_device = true;
         f.constrained_share = m.contact_solves ? double(m.constrained_solves) / double(m.contact_solves) : 0;
         const ThimbleStatus& status = s.loops[t]->status;
-        f.thimble_mode = status.faults ? "fault" : status.stale > 0 ? std::to_string(status.stale) + " times without a valid command" : "ok";
+        f.thimble_mode = status.faults      ? "fault"
+                         : status.stale > 0 ? std::to_string(status.stale) + " times without a valid command"
+                                            : "ok";
         const auto rms = series.column("matching_rms_mm"), matched = series.column("contact_matched");
         double sum = 0, count = 0;
         for (std::size_t k = 0; k < rms.size(); ++k)
@@ -87,49 +89,75 @@ Summary summarise(const Simulation& s) {
 std::string to_text(const Summary& s) {
     std::ostringstream out;
     char line[400];
-    std::snprintf(line, sizeof line, "%s: %.3g s simulated in %lld steps of %.3g ms\n", s.title.c_str(), s.simulated_s, (long long)s.steps, s.dt_ms);
+    std::snprintf(line, sizeof line, "%s: %.3g s simulated in %lld steps of %.3g ms\n", s.title.c_str(), s.simulated_s,
+                  (long long)s.steps, s.dt_ms);
     out << line;
-    std::snprintf(line, sizeof line, "step: median %.0f us, p99 %.0f us, %.1f times real time; mean per system [us]:", s.step_median_us, s.step_p99_us, s.real_time_factor);
+    std::snprintf(line, sizeof line,
+                  "step: median %.0f us, p99 %.0f us, %.1f times real time; mean per system [us]:", s.step_median_us,
+                  s.step_p99_us, s.real_time_factor);
     out << line;
     for (const auto& [system, us] : s.system_mean_us) {
         std::snprintf(line, sizeof line, " %s %.1f", system.c_str(), us);
         out << line;
     }
     out << "\n\n";
-    std::snprintf(line, sizeof line, "%-10s %9s %9s %9s %7s %6s %6s %10s %9s %9s %8s  %s\n", "finger", "peak N", "mean N", "area mm2", "touch %",
-                  "iter", "conv %", "limit viol", "penet um", "match mm", "at lim %", "thimble");
+    std::snprintf(line, sizeof line, "%-10s %9s %9s %9s %7s %6s %6s %10s %9s %9s %8s  %s\n", "finger", "peak N",
+                  "mean N", "area mm2", "touch %", "iter", "conv %", "limit viol", "penet um", "match mm", "at lim %",
+                  "thimble");
     out << line;
     for (const FingerSummary& f : s.fingers) {
-        std::snprintf(line, sizeof line, "%-10s %9.3f %9.3f %9.1f %7.1f %6.1f %6.1f %10.2e %9.3f ", f.name.c_str(), f.peak_force_N, f.mean_force_N,
-                      f.peak_area_mm2, 100 * f.touching_share, f.mean_iterations, 100 * f.converged_share, f.worst_limit_violation, f.worst_penetration_um);
+        std::snprintf(line, sizeof line, "%-10s %9.3f %9.3f %9.1f %7.1f %6.1f %6.1f %10.2e %9.3f ", f.name.c_str(),
+                      f.peak_force_N, f.mean_force_N, f.peak_area_mm2, 100 * f.touching_share, f.mean_iterations,
+                      100 * f.converged_share, f.worst_limit_violation, f.worst_penetration_um);
         out << line;
         if (f.has_device) {
-            std::snprintf(line, sizeof line, "%9.3f %8.1f  %s\n", f.matching_rms_mm, 100 * f.constrained_share, f.thimble_mode.c_str());
+            std::snprintf(line, sizeof line, "%9.3f %8.1f  %s\n", f.matching_rms_mm, 100 * f.constrained_share,
+                          f.thimble_mode.c_str());
             out << line;
         } else {
             out << "        -        -  none\n";
         }
-        if (f.resets) out << "  " << f.name << " diverged and was reset " << f.resets << " times: use smaller steps (dt_ms) or softer coupling\n";
+        if (f.resets)
+            out << "  " << f.name << " diverged and was reset " << f.resets
+                << " times: use smaller steps (dt_ms) or softer coupling\n";
     }
-    if (s.rejected_samples) out << s.rejected_samples << " tracker samples were rejected (not finite, or older than the last)\n";
+    if (s.rejected_samples)
+        out << s.rejected_samples << " tracker samples were rejected (not finite, or older than the last)\n";
     if (s.missing_samples) out << s.missing_samples << " times a finger had no valid tracker sample\n";
-    if (s.slowed_steps) out << s.slowed_steps << " times a tracked pose jumped and was slowed to coupling.max_speed_m_per_s\n";
-    if (s.crowded) out << s.crowded << " times more objects were near a group of fingers than it can touch (" << max_contact_slots << "); the nearest were kept\n";
+    if (s.slowed_steps)
+        out << s.slowed_steps << " times a tracked pose jumped and was slowed to coupling.max_speed_m_per_s\n";
+    if (s.crowded)
+        out << s.crowded << " times more objects were near a group of fingers than it can touch (" << max_contact_slots
+            << "); the nearest were kept\n";
     return out.str();
 }
 
 nlohmann::json to_json(const Summary& s) {
-    nlohmann::json j{{"title", s.title}, {"simulated_s", s.simulated_s}, {"dt_ms", s.dt_ms}, {"steps", s.steps},
-                     {"step_median_us", s.step_median_us}, {"step_p99_us", s.step_p99_us}, {"real_time_factor", s.real_time_factor},
-                     {"skin_memory_MB", s.skin_memory_MB}, {"rejected_samples", s.rejected_samples}, {"missing_samples", s.missing_samples},
-                     {"slowed_steps", s.slowed_steps}, {"crowded", s.crowded}};
+    nlohmann::json j{{"title", s.title},
+                     {"simulated_s", s.simulated_s},
+                     {"dt_ms", s.dt_ms},
+                     {"steps", s.steps},
+                     {"step_median_us", s.step_median_us},
+                     {"step_p99_us", s.step_p99_us},
+                     {"real_time_factor", s.real_time_factor},
+                     {"skin_memory_MB", s.skin_memory_MB},
+                     {"rejected_samples", s.rejected_samples},
+                     {"missing_samples", s.missing_samples},
+                     {"slowed_steps", s.slowed_steps},
+                     {"crowded", s.crowded}};
     for (const auto& [system, us] : s.system_mean_us) j["system_mean_us"][system] = us;
     j["fingers"] = nlohmann::json::array();
     for (const FingerSummary& f : s.fingers) {
-        nlohmann::json k{{"name", f.name}, {"peak_force_N", f.peak_force_N}, {"mean_force_N", f.mean_force_N}, {"peak_area_mm2", f.peak_area_mm2},
-                         {"touching_share", f.touching_share}, {"worst_limit_violation", f.worst_limit_violation},
-                         {"worst_penetration_um", f.worst_penetration_um}, {"mean_iterations", f.mean_iterations},
-                         {"converged_share", f.converged_share}, {"resets", f.resets}};
+        nlohmann::json k{{"name", f.name},
+                         {"peak_force_N", f.peak_force_N},
+                         {"mean_force_N", f.mean_force_N},
+                         {"peak_area_mm2", f.peak_area_mm2},
+                         {"touching_share", f.touching_share},
+                         {"worst_limit_violation", f.worst_limit_violation},
+                         {"worst_penetration_um", f.worst_penetration_um},
+                         {"mean_iterations", f.mean_iterations},
+                         {"converged_share", f.converged_share},
+                         {"resets", f.resets}};
         if (f.has_device) {
             k["matching_rms_mm"] = f.matching_rms_mm;
             k["constrained_share"] = f.constrained_share;

@@ -11,14 +11,14 @@ namespace palpate {
 
 struct FingerSummary {
     std::string name;
-    double peak_force_N = 0, mean_force_N = 0;         ///< of the total contact force; mean while touching
+    double peak_force_N = 0, mean_force_N = 0;  ///< of the total contact force; mean while touching
     double peak_area_mm2 = 0, touching_share = 0;
     double worst_limit_violation = 0, worst_penetration_um = 0;
     double mean_iterations = 0, converged_share = 0;
     int resets = 0;
     bool has_device = false;
-    double matching_rms_mm = 0;                        ///< mean over solves with contact
-    double constrained_share = 0;                      ///< of solves with contact, at a workspace limit
+    double matching_rms_mm = 0;    ///< mean over solves with contact
+    double constrained_share = 0;  ///< of solves with contact, at a workspace limit
     std::string thimble_mode;
 };
 

@@ -13,7 +13,8 @@ TetMesh block_mesh(int nx, int ny, int nz, double h) {
     auto id = [&](int i, int j, int k) { return (i * (ny + 1) + j) * (nz + 1) + k; };
     for (int i = 0; i <= nx; ++i)
         for (int j = 0; j <= ny; ++j)
-            for (int k = 0; k <= nz; ++k) m.nodes.push_back({(i - 0.5 * nx) * h, (j - 0.5 * ny) * h, (k - 0.5 * nz) * h});
+            for (int k = 0; k <= nz; ++k)
+                m.nodes.push_back({(i - 0.5 * nx) * h, (j - 0.5 * ny) * h, (k - 0.5 * nz) * h});
     const int paths[6][2] = {{1, 2}, {2, 1}, {1, 4}, {4, 1}, {2, 4}, {4, 2}};  // Kuhn's six
     for (int i = 0; i < nx; ++i)
         for (int j = 0; j < ny; ++j)
@@ -41,7 +42,8 @@ TetMesh block_mesh(int nx, int ny, int nz, double h) {
 template <class T>
 SkinChunk<T> make_chunk(const TetMesh& mesh, const Pose<double>& bone, const ChunkOptions& o) {
     SkinChunk<T> chunk;
-    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), o.width, o.limits, o.friction, o.objects);
+    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), o.width, o.limits, o.friction,
+                   o.objects);
     SkinParameters p;
     p.mesh = &mesh;
     p.young_modulus = {o.young};
@@ -58,16 +60,25 @@ template SkinChunk<float> make_chunk(const TetMesh&, const Pose<double>&, const 
 
 template <class T>
 void aim_all(SkinChunk<T>& c, double linear, double angular, const Pose<double>& target) {
-    const double v[9] = {linear, angular, target.position.x, target.position.y, target.position.z,
-                         target.rotation.w, target.rotation.x, target.rotation.y, target.rotation.z};
+    const double v[9] = {linear,
+                         angular,
+                         target.position.x,
+                         target.position.y,
+                         target.position.z,
+                         target.rotation.w,
+                         target.rotation.x,
+                         target.rotation.y,
+                         target.rotation.z};
     for (int s = 0; s < bone_spring_count; ++s)
         for (int i = 0; i < 9; ++i)
-            for (int l = 0; l < c.width; ++l) c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i]);
+            for (int l = 0; l < c.width; ++l)
+                c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i]);
 }
 template void aim_all(SkinChunk<double>&, double, double, const Pose<double>&);
 template void aim_all(SkinChunk<float>&, double, double, const Pose<double>&);
 
-double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x, std::size_t i, double h) {
+double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
+                          std::size_t i, double h) {
     const double x0 = x[i];
     x[i] = x0 + h;
     const double high = f(x);

@@ -36,7 +36,8 @@ template <class T>
 void aim_all(SkinChunk<T>& chunk, double linear, double angular, const Pose<double>& target);
 
 /// Central difference of f along component i of x.
-double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x, std::size_t i, double h);
+double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
+                          std::size_t i, double h);
 
 /// Folder of real inputs, beside the checkout; empty where it is absent.
 std::filesystem::path shared_data();
@@ -54,8 +55,8 @@ inline double relative_error(double a, double b, double floor) {
     return std::abs(a - b) / std::max({std::abs(a), std::abs(b), floor});
 }
 
-#define PALPATE_NEED_SHARED_DATA(folder)                                     \
-    const std::filesystem::path folder = palpate::testing::shared_data();    \
+#define PALPATE_NEED_SHARED_DATA(folder)                                  \
+    const std::filesystem::path folder = palpate::testing::shared_data(); \
     if (folder.empty()) GTEST_SKIP() << "real inputs (shared/data) are not beside this checkout"
 
 }  // namespace palpate::testing

@@ -9,9 +9,11 @@ std::vector<std::string> ServoModel::validate() const {
     std::vector<std::string> wrong;
     if (!(pulse_step_us > 0 && pulse_step_us <= 50)) wrong.emplace_back("pulse_step_us must be between 0 and 50");
     if (!(us_per_rad > 50 && us_per_rad < 5000)) wrong.emplace_back("us_per_rad must be between 50 and 5000");
-    if (!(min_us < neutral_us && neutral_us < max_us)) wrong.emplace_back("the neutral pulse must lie between the shortest and the longest");
+    if (!(min_us < neutral_us && neutral_us < max_us))
+        wrong.emplace_back("the neutral pulse must lie between the shortest and the longest");
     if (!(delay_s >= 0 && delay_s < 1)) wrong.emplace_back("the servo delay must be between 0 and 1000 ms");
-    if (!(slew_rad_per_s > 0.1 && slew_rad_per_s < 100)) wrong.emplace_back("the servo's slew rate must be between 0.1 and 100 rad/s");
+    if (!(slew_rad_per_s > 0.1 && slew_rad_per_s < 100))
+        wrong.emplace_back("the servo's slew rate must be between 0.1 and 100 rad/s");
     return wrong;
 }
 
@@ -28,7 +30,8 @@ class SimulatedDriver final : public Driver {
         Coordinates target(q.size());
         for (int i = 0; i < q.size(); ++i) {
             const double us = std::clamp(servo_.neutral_us + servo_.us_per_rad * q[i], servo_.min_us, servo_.max_us);
-            target[i] = (std::round(us / servo_.pulse_step_us) * servo_.pulse_step_us - servo_.neutral_us) / servo_.us_per_rad;
+            target[i] =
+                (std::round(us / servo_.pulse_step_us) * servo_.pulse_step_us - servo_.neutral_us) / servo_.us_per_rad;
         }
         pulses_[next_] = {now + servo_.delay_s, target};
         next_ = (next_ + 1) % pulses_.size();
@@ -41,7 +44,10 @@ class SimulatedDriver final : public Driver {
     }
 
   private:
-    struct Pulse { double due; Coordinates target; };
+    struct Pulse {
+        double due;
+        Coordinates target;
+    };
 
     /// Moves the shafts towards the newest pulse that is due.
     void advance(double now) {
@@ -52,7 +58,8 @@ class SimulatedDriver final : public Driver {
             if (p.due <= now && (!newest || p.due > newest->due)) newest = &p;
         if (!newest) return;
         for (int i = 0; i < angle_.size(); ++i)
-            angle_[i] += std::clamp(newest->target[i] - angle_[i], -servo_.slew_rad_per_s * dt, servo_.slew_rad_per_s * dt);
+            angle_[i] +=
+                std::clamp(newest->target[i] - angle_[i], -servo_.slew_rad_per_s * dt, servo_.slew_rad_per_s * dt);
     }
 
     ServoModel servo_;

@@ -54,7 +54,9 @@ Platform platform(const DeviceModel& model, const Coordinates& w) {
 
 /// acos with its derivative, continued linearly near and beyond +-1, so that poses the legs cannot
 /// reach give joints past their limits instead of NaN.
-struct Arc { double value, slope; };
+struct Arc {
+    double value, slope;
+};
 Arc extended_acos(double c) {
     constexpr double edge = 1 - 1e-8;
     const double inside = std::min(edge, std::max(-edge, c));
@@ -90,7 +92,8 @@ Joints joints(const DeviceModel& model, const Coordinates& w) {
         dd.col(0) += r.dtheta * B;
         dd.col(1) += r.dpsi * B;
         const double length = d.norm(), a = A.norm();
-        const double cos_beta = A.dot(d) / (a * length), cos_gamma = (l * l + length * length - L * L) / (2 * l * length);
+        const double cos_beta = A.dot(d) / (a * length),
+                     cos_gamma = (l * l + length * length - L * L) / (2 * l * length);
         const Arc beta = extended_acos(cos_beta), gamma = extended_acos(cos_gamma);
         out.closed = out.closed && std::abs(cos_gamma) <= 1;
         out.q[leg] = beta.value - gamma.value;

@@ -15,7 +15,8 @@ void read_trackers(Table<TrackerPose>& trackers, double) {
         const Quaternion<double>& q = s.pose.rotation;
         const double norm2 = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
         const Vec3<double>& p = s.pose.position;
-        if (!std::isfinite(norm2) || norm2 < 1e-6 || norm2 > 1e6 || !std::isfinite(dot(p, p)) || !std::isfinite(s.time)) {
+        if (!std::isfinite(norm2) || norm2 < 1e-6 || norm2 > 1e6 || !std::isfinite(dot(p, p)) ||
+            !std::isfinite(s.time)) {
             ++t.not_finite;
         } else if (t.newest.valid && s.time < t.newest.time) {
             ++t.backward;
@@ -94,13 +95,17 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
         Coupling& c = couplings[row];
         const Skin& skin = *skins.find(couplings.owner(row));
         const TrackerPose* tracker = trackers.find(c.tracker);
-        const Pose<double> wanted = tracker && tracker->newest.valid ? tracker->newest.pose : c.started ? c.target : skin.start;
+        const Pose<double> wanted = tracker && tracker->newest.valid ? tracker->newest.pose
+                                    : c.started                      ? c.target
+                                                                     : skin.start;
         const Pose<double> next = next_target(c, wanted, solver.dt);
         c.last_target = c.started ? c.target : next;
         c.target = next;
         c.started = true;
-        if (skin.single_precision) aim(float_chunks[skin.chunk], skin.lane, solver, c);
-        else aim(double_chunks[skin.chunk], skin.lane, solver, c);
+        if (skin.single_precision)
+            aim(float_chunks[skin.chunk], skin.lane, solver, c);
+        else
+            aim(double_chunks[skin.chunk], skin.lane, solver, c);
     }
 }
 

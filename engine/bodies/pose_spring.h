@@ -17,9 +17,9 @@ struct PoseSpring {
 
 template <class R>
 struct PoseTerms {
-    R energy;        ///< [J]
-    Vec3<R> force;   ///< dE/dposition [N]
-    Vec3<R> torque;  ///< dE/domega [N m]
+    R energy;                               ///< [J]
+    Vec3<R> force;                          ///< dE/dposition [N]
+    Vec3<R> torque;                         ///< dE/domega [N m]
     R linear_curvature, angular_curvature;  ///< both times the identity: exact, and never negative
 };
 
@@ -44,18 +44,17 @@ inline PoseTerms<R> pose_spring(const PoseSpring<R>& spring, const Pose<R>& pose
 
 template <class R>
 struct BoneSpringTerms {
-    R energy;                        ///< [J]
-    Vec3<R> node_gradient;           ///< dE/dx [N]; dE/dp is its negative
-    Vec3<R> omega_gradient;          ///< dE/domega [N m]
-    Mat3<R> omega_node;              ///< d2E/domega dx [N]; d2E/domega dp is its negative
-    Mat3<R> omega_omega;             ///< d2E/domega2 [N m]
+    R energy;                ///< [J]
+    Vec3<R> node_gradient;   ///< dE/dx [N]; dE/dp is its negative
+    Vec3<R> omega_gradient;  ///< dE/domega [N m]
+    Mat3<R> omega_node;      ///< d2E/domega dx [N]; d2E/domega dp is its negative
+    Mat3<R> omega_omega;     ///< d2E/domega2 [N m]
 };
 
 /// Stiff spring between a skin node x and its seat p + arm on the bone (arm = R r, world frame):
 /// E = k/2 |x - p - arm|^2. `exact` adds the curvature of the rotating arm, which can be negative.
 template <class R>
-inline BoneSpringTerms<R> bone_spring(const Vec3<R>& x, const Vec3<R>& p, const Vec3<R>& arm, const R& k,
-                                      bool exact) {
+inline BoneSpringTerms<R> bone_spring(const Vec3<R>& x, const Vec3<R>& p, const Vec3<R>& arm, const R& k, bool exact) {
     const Vec3<R> d = x - p - arm;
     BoneSpringTerms<R> t;
     t.energy = R(ScalarOf<R>(0.5)) * k * dot(d, d);
@@ -65,8 +64,8 @@ inline BoneSpringTerms<R> bone_spring(const Vec3<R>& x, const Vec3<R>& p, const 
     t.omega_omega = k * (dot(arm, arm) * Mat3<R>::identity() - outer(arm, arm));
     if (exact) {
         const Mat3<R> da = outer(d, arm);
-        t.omega_omega = t.omega_omega + k * (dot(d, arm) * Mat3<R>::identity()) -
-                        (R(ScalarOf<R>(0.5)) * k) * (da + transpose(da));
+        t.omega_omega =
+            t.omega_omega + k * (dot(d, arm) * Mat3<R>::identity()) - (R(ScalarOf<R>(0.5)) * k) * (da + transpose(da));
     }
     return t;
 }

@@ -8,19 +8,19 @@ namespace palpate {
 /// Contact of one sample with one object. Multipliers are forces [N].
 template <class R>
 struct ContactState {
-    R normal_multiplier;           ///< lambda_n >= 0 [N]
-    Vec3<R> tangential_multiplier; ///< lambda_t, in the tangent plane [N], along the sample's slip
-    R friction_radius;             ///< mu times the normal force of the last multiplier update [N]
-    Vec3<R> friction_normal;       ///< of the tangent plane of friction: the normal of the last multiplier update
+    R normal_multiplier;            ///< lambda_n >= 0 [N]
+    Vec3<R> tangential_multiplier;  ///< lambda_t, in the tangent plane [N], along the sample's slip
+    R friction_radius;              ///< mu times the normal force of the last multiplier update [N]
+    Vec3<R> friction_normal;        ///< of the tangent plane of friction: the normal of the last multiplier update
 };
 
 template <class R>
 struct ContactTerms {
-    R energy;              ///< [J]
-    Vec3<R> gradient;      ///< dE/dx [N]: minus the force on the sample
-    Mat3<R> curvature;     ///< positive semidefinite; leaves out the curvature of the object's surface
-    R normal_force;        ///< f_n = max(0, lambda_n - k g) [N]
-    Vec3<R> tangential;    ///< friction's dE/dx: min(|s|, radius) s/|s|, s = lambda_t + k slip [N]
+    R energy;            ///< [J]
+    Vec3<R> gradient;    ///< dE/dx [N]: minus the force on the sample
+    Mat3<R> curvature;   ///< positive semidefinite; leaves out the curvature of the object's surface
+    R normal_force;      ///< f_n = max(0, lambda_n - k g) [N]
+    Vec3<R> tangential;  ///< friction's dE/dx: min(|s|, radius) s/|s|, s = lambda_t + k slip [N]
 };
 
 /// E = (max(0, lambda_n - k g)^2 - lambda_n^2) / 2k + friction: the contact is active by multiplier
@@ -55,7 +55,8 @@ inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<
     t.gradient += t.tangential;
     const Vec3<R> direction = (R(1) / safe) * s;
     const Mat3<R> tangent_plane = Mat3<R>::identity() - outer(n, n);
-    t.curvature = t.curvature + (k * scale) * (tangent_plane - select(slides, R(1), R(0)) * outer(direction, direction));
+    t.curvature =
+        t.curvature + (k * scale) * (tangent_plane - select(slides, R(1), R(0)) * outer(direction, direction));
     return t;
 }
 

@@ -60,7 +60,10 @@ void clear_slot(SkinChunk<T>& c, int slot) {
 template <class T>
 bool detect_for_chunk(const Table<RigidShape>& shapes, const SolverSettings& solver, SkinChunk<T>& c) {
     if (c.slot_capacity == 0) return false;
-    struct Candidate { double distance; int object; };
+    struct Candidate {
+        double distance;
+        int object;
+    };
     std::array<Candidate, max_contact_slots> near;
     int count = 0;
     bool crowded = false;
@@ -69,7 +72,8 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const SolverSettings& sol
         for (int lane = 0; lane < c.width; ++lane) {
             if (!((c.used_lanes >> lane) & 1u)) continue;
             const Reach reach = lane_reach(c, lane, solver);
-            const double d = surface_point(shapes[object].shape, shapes[object].pose, reach.centre).distance - reach.radius;
+            const double d =
+                surface_point(shapes[object].shape, shapes[object].pose, reach.centre).distance - reach.radius;
             nearest = std::min(nearest, d);
         }
         if (!(nearest < 0)) continue;
@@ -78,18 +82,22 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const SolverSettings& sol
             continue;
         }
         crowded = true;
-        auto* farthest = std::max_element(near.begin(), near.begin() + count, [](auto& a, auto& b) { return a.distance < b.distance; });
+        auto* farthest = std::max_element(near.begin(), near.begin() + count,
+                                          [](auto& a, auto& b) { return a.distance < b.distance; });
         if (nearest < farthest->distance) *farthest = {nearest, object};
     }
     // An object keeps its slot, and with it its multipliers, for as long as it is near.
-    auto is_near = [&](int object) { return std::any_of(near.begin(), near.begin() + count, [&](auto& n) { return n.object == object; }); };
+    auto is_near = [&](int object) {
+        return std::any_of(near.begin(), near.begin() + count, [&](auto& n) { return n.object == object; });
+    };
     for (int slot = 0; slot < c.slot_capacity; ++slot)
         if (c.slots[slot].object >= 0 && !is_near(c.slots[slot].object)) clear_slot(c, slot);
     for (int i = 0; i < count; ++i) {
         auto holds = [&](const ContactSlot& s) { return s.object == near[i].object; };
         auto slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity, holds);
         if (slot == c.slots.begin() + c.slot_capacity)
-            slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity, [](const ContactSlot& s) { return s.object < 0; });
+            slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity,
+                                [](const ContactSlot& s) { return s.object < 0; });
         const RigidShape& shape = shapes[near[i].object];
         const Quaternion<double> turn = normalised(shape.pose.rotation * conjugate(shape.previous.rotation));
         const Pose<double> motion{shape.pose.position - rotation_matrix(turn) * shape.previous.position, turn};

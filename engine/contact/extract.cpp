@@ -17,7 +17,8 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     Quaternion<double> q{double(c.state.bone[3 * W + lane]), double(c.state.bone[4 * W + lane]),
                          double(c.state.bone[5 * W + lane]), double(c.state.bone[6 * W + lane])};
     const Pose<double> bone{read_vec3(c.state.bone, 0, W, lane), q};
-    const Vec3<double> target{double(c.scratch.bone_springs[2 * W + lane]), double(c.scratch.bone_springs[3 * W + lane]),
+    const Vec3<double> target{double(c.scratch.bone_springs[2 * W + lane]),
+                              double(c.scratch.bone_springs[3 * W + lane]),
                               double(c.scratch.bone_springs[4 * W + lane])};
     coupling.force_N = coupling.stiffness * norm(target - bone.position);
     out.total = {0, 0, 0};
@@ -56,8 +57,10 @@ void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<doubl
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
-        if (skin.single_precision) extract(float_chunks[skin.chunk], skin.lane, coupling, surfaces[row]);
-        else extract(double_chunks[skin.chunk], skin.lane, coupling, surfaces[row]);
+        if (skin.single_precision)
+            extract(float_chunks[skin.chunk], skin.lane, coupling, surfaces[row]);
+        else
+            extract(double_chunks[skin.chunk], skin.lane, coupling, surfaces[row]);
     }
 }
 

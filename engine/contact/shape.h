@@ -65,24 +65,26 @@ inline SurfacePoint<R> cylinder_point(const Vec3<R>& x, const R& radius, const R
     const R inverse = R(1) / select(on_axis, R(1), rho);
     const Vec3<R> radial{select(on_axis, R(1), inverse * x.x), inverse * x.y, R(0)};
     // The third extent is far inside, so that the planar distance is never decided by it.
-    const SurfacePoint<R> planar =
-        box_point(Vec3<R>{rho, x.z, R(0)}, Vec3<R>{radius, half_length, R(1e6f)});
-    return {planar.distance,
-            {planar.normal.x * radial.x, planar.normal.x * radial.y, planar.normal.y}};
+    const SurfacePoint<R> planar = box_point(Vec3<R>{rho, x.z, R(0)}, Vec3<R>{radius, half_length, R(1e6f)});
+    return {planar.distance, {planar.normal.x * radial.x, planar.normal.x * radial.y, planar.normal.y}};
 }
 
 template <class R>
 inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x) {
     const Vec3<R> size{R(ScalarOf<R>(shape.size.x)), R(ScalarOf<R>(shape.size.y)), R(ScalarOf<R>(shape.size.z))};
     switch (shape.kind) {
-        case ShapeKind::plane: return {x.z, {R(0), R(0), R(1)}};
-        case ShapeKind::box: return box_point(x, size);
-        case ShapeKind::sphere: return sphere_point(x, size.x);
+        case ShapeKind::plane:
+            return {x.z, {R(0), R(0), R(1)}};
+        case ShapeKind::box:
+            return box_point(x, size);
+        case ShapeKind::sphere:
+            return sphere_point(x, size.x);
         case ShapeKind::capsule: {
             const Vec3<R> offset{x.x, x.y, x.z - clamp(x.z, -size.y, size.y)};
             return sphere_point(offset, size.x);
         }
-        case ShapeKind::cylinder: return cylinder_point(x, size.x, size.y);
+        case ShapeKind::cylinder:
+            return cylinder_point(x, size.x, size.y);
     }
     return {x.z, {R(0), R(0), R(1)}};
 }

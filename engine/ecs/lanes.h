@@ -35,8 +35,7 @@ struct Lanes {
 
     Lanes() = default;
     template <class S>
-        requires std::is_arithmetic_v<S>
-    Lanes(S s) : v(Vector{} + T(s)) {}
+    requires std::is_arithmetic_v<S> Lanes(S s) : v(Vector{} + T(s)) {}
     explicit Lanes(Vector vector) : v(vector) {}
 
     friend Lanes operator+(Lanes a, Lanes b) { return Lanes(a.v + b.v); }
@@ -44,9 +43,18 @@ struct Lanes {
     friend Lanes operator*(Lanes a, Lanes b) { return Lanes(a.v * b.v); }
     friend Lanes operator/(Lanes a, Lanes b) { return Lanes(a.v / b.v); }
     friend Lanes operator-(Lanes a) { return Lanes(-a.v); }
-    Lanes& operator+=(Lanes b) { v += b.v; return *this; }
-    Lanes& operator-=(Lanes b) { v -= b.v; return *this; }
-    Lanes& operator*=(Lanes b) { v *= b.v; return *this; }
+    Lanes& operator+=(Lanes b) {
+        v += b.v;
+        return *this;
+    }
+    Lanes& operator-=(Lanes b) {
+        v -= b.v;
+        return *this;
+    }
+    Lanes& operator*=(Lanes b) {
+        v *= b.v;
+        return *this;
+    }
 
     friend Mask operator<(Lanes a, Lanes b) { return {a.v < b.v}; }
     friend Mask operator>(Lanes a, Lanes b) { return {a.v > b.v}; }
@@ -82,9 +90,13 @@ inline Lanes<T, W> select(LaneMask<T, W> m, Lanes<T, W> a, Lanes<T, W> b) {
     return Lanes<T, W>(m.bits ? a.v : b.v);
 }
 template <class T, int W>
-inline Lanes<T, W> select(LaneMask<T, W> m, Lanes<T, W> a, T b) { return select(m, a, Lanes<T, W>(b)); }
+inline Lanes<T, W> select(LaneMask<T, W> m, Lanes<T, W> a, T b) {
+    return select(m, a, Lanes<T, W>(b));
+}
 template <class T, int W>
-inline Lanes<T, W> select(LaneMask<T, W> m, T a, Lanes<T, W> b) { return select(m, Lanes<T, W>(a), b); }
+inline Lanes<T, W> select(LaneMask<T, W> m, T a, Lanes<T, W> b) {
+    return select(m, Lanes<T, W>(a), b);
+}
 
 inline bool any(bool m) { return m; }
 inline bool all(bool m) { return m; }
@@ -95,7 +107,9 @@ inline bool any(LaneMask<T, W> m) {
     return r != 0;
 }
 template <class T, int W>
-inline bool all(LaneMask<T, W> m) { return !any(!m); }
+inline bool all(LaneMask<T, W> m) {
+    return !any(!m);
+}
 
 // ---- arithmetic that the operators do not cover -------------------------------------------------
 
@@ -110,18 +124,28 @@ inline Lanes<T, W> square_root(Lanes<T, W> a) {
 
 /// The larger of a and b; b where either is NaN.
 template <class Real>
-inline Real maximum(Real a, Real b) { return select(a > b, a, b); }
+inline Real maximum(Real a, Real b) {
+    return select(a > b, a, b);
+}
 /// The smaller of a and b; b where either is NaN.
 template <class Real>
-inline Real minimum(Real a, Real b) { return select(a < b, a, b); }
+inline Real minimum(Real a, Real b) {
+    return select(a < b, a, b);
+}
 template <class Real>
-inline Real absolute(Real a) { return select(a < Real(0), -a, a); }
+inline Real absolute(Real a) {
+    return select(a < Real(0), -a, a);
+}
 template <class Real>
-inline Real clamp(Real a, Real low, Real high) { return minimum(maximum(a, low), high); }
+inline Real clamp(Real a, Real low, Real high) {
+    return minimum(maximum(a, low), high);
+}
 
 /// True where the number is finite: x - x is zero exactly then.
 template <class Real>
-inline MaskOf<Real> finite(Real a) { return absolute(a - a) <= Real(0); }
+inline MaskOf<Real> finite(Real a) {
+    return absolute(a - a) <= Real(0);
+}
 
 // ---- memory: arrays are [index][lane] of the scalar type -----------------------------------------
 
@@ -137,19 +161,25 @@ inline Real load(const ScalarOf<Real>* p) {
 }
 template <class Real>
 inline void store(ScalarOf<Real>* p, Real a) {
-    if constexpr (lane_width<Real> == 1) *p = a;
-    else std::memcpy(p, &a.v, sizeof(a.v));
+    if constexpr (lane_width<Real> == 1)
+        *p = a;
+    else
+        std::memcpy(p, &a.v, sizeof(a.v));
 }
 
 template <class Real>
 inline ScalarOf<Real> lane(const Real& a, int i) {
-    if constexpr (lane_width<Real> == 1) return a;
-    else return a.v[i];
+    if constexpr (lane_width<Real> == 1)
+        return a;
+    else
+        return a.v[i];
 }
 template <class Real>
 inline void set_lane(Real& a, int i, ScalarOf<Real> s) {
-    if constexpr (lane_width<Real> == 1) a = s;
-    else a.v[i] = s;
+    if constexpr (lane_width<Real> == 1)
+        a = s;
+    else
+        a.v[i] = s;
 }
 
 /// A mask whose lane i is `bits` bit i.

@@ -20,13 +20,17 @@ struct Vec3 {
 };
 
 template <class R>
-inline R dot(const Vec3<R>& a, const Vec3<R>& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline R dot(const Vec3<R>& a, const Vec3<R>& b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 template <class R>
 inline Vec3<R> cross(const Vec3<R>& a, const Vec3<R>& b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 template <class R>
-inline R norm(const Vec3<R>& a) { return square_root(dot(a, a)); }
+inline R norm(const Vec3<R>& a) {
+    return square_root(dot(a, a));
+}
 template <class R>
 inline Vec3<R> select(MaskOf<R> m, const Vec3<R>& a, const Vec3<R>& b) {
     return {select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
@@ -47,7 +51,11 @@ struct Mat3 {
         return a;
     }
     Vec3<R> column(int j) const { return {m[0][j], m[1][j], m[2][j]}; }
-    void set_column(int j, const Vec3<R>& c) { m[0][j] = c.x; m[1][j] = c.y; m[2][j] = c.z; }
+    void set_column(int j, const Vec3<R>& c) {
+        m[0][j] = c.x;
+        m[1][j] = c.y;
+        m[2][j] = c.z;
+    }
 
     friend Mat3 operator+(const Mat3& a, const Mat3& b) {
         Mat3 c;
@@ -93,15 +101,13 @@ template <class R>
 inline Mat3<R> times_transposed(const Mat3<R>& a, const Mat3<R>& b) {
     Mat3<R> c;
     for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            c.m[i][j] = a.m[i][0] * b.m[j][0] + a.m[i][1] * b.m[j][1] + a.m[i][2] * b.m[j][2];
+        for (int j = 0; j < 3; ++j) c.m[i][j] = a.m[i][0] * b.m[j][0] + a.m[i][1] * b.m[j][1] + a.m[i][2] * b.m[j][2];
     return c;
 }
 /// a^T v.
 template <class R>
 inline Vec3<R> transposed_times(const Mat3<R>& a, const Vec3<R>& v) {
-    return {a.m[0][0] * v.x + a.m[1][0] * v.y + a.m[2][0] * v.z,
-            a.m[0][1] * v.x + a.m[1][1] * v.y + a.m[2][1] * v.z,
+    return {a.m[0][0] * v.x + a.m[1][0] * v.y + a.m[2][0] * v.z, a.m[0][1] * v.x + a.m[1][1] * v.y + a.m[2][1] * v.z,
             a.m[0][2] * v.x + a.m[1][2] * v.y + a.m[2][2] * v.z};
 }
 template <class R>

@@ -19,7 +19,9 @@ struct Quaternion {
 };
 
 template <class R>
-inline Quaternion<R> conjugate(const Quaternion<R>& q) { return {q.w, -q.x, -q.y, -q.z}; }
+inline Quaternion<R> conjugate(const Quaternion<R>& q) {
+    return {q.w, -q.x, -q.y, -q.z};
+}
 
 template <class R>
 inline Quaternion<R> normalised(const Quaternion<R>& q) {

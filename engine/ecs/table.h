@@ -8,7 +8,7 @@
 namespace palpate {
 
 struct EntityId {
-    std::uint32_t index = 0;       ///< slot + 1; 0 is null
+    std::uint32_t index = 0;  ///< slot + 1; 0 is null
     std::uint32_t generation = 0;
     explicit operator bool() const { return index != 0; }
     friend bool operator==(EntityId, EntityId) = default;

@@ -17,8 +17,7 @@ template <class R>
 inline Mat3<R> factor_diagonal(const Mat3<R>& S, R& bad_pivots) {
     using T = ScalarOf<R>;
     Mat3<R> L = Mat3<R>::zero();
-    const R floor = R(std::numeric_limits<T>::epsilon()) *
-                        (absolute(S[0][0]) + absolute(S[1][1]) + absolute(S[2][2])) +
+    const R floor = R(std::numeric_limits<T>::epsilon()) * (absolute(S[0][0]) + absolute(S[1][1]) + absolute(S[2][2])) +
                     R(std::numeric_limits<T>::min() * T(1e10));
     for (int j = 0; j < 3; ++j) {
         R pivot = S[j][j];
@@ -63,8 +62,10 @@ inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks) {
             for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u)
                 S = S - times_transposed(load_mat3<R>(blocks + static_cast<std::size_t>(p.update_a[u]) * W9),
                                          load_mat3<R>(blocks + static_cast<std::size_t>(p.update_b[u]) * W9));
-            if (b == p.column_start[j]) S = diagonal = detail::factor_diagonal(S, bad_pivots);
-            else S = detail::solve_right_transposed(S, diagonal);
+            if (b == p.column_start[j])
+                S = diagonal = detail::factor_diagonal(S, bad_pivots);
+            else
+                S = detail::solve_right_transposed(S, diagonal);
             store_mat3<R>(blocks + static_cast<std::size_t>(b) * W9, S);
         }
     }

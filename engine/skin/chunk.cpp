@@ -71,12 +71,14 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     auto& s = c.state;
     make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
     make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
-    make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions), make(s.friction_normal, 3 * frictions);
+    make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions),
+        make(s.friction_normal, 3 * frictions);
     make(s.svd_guess, 9 * E), make(s.penalty_scale, 1, T(1));
     auto& w = c.scratch;
     make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
     make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);
-    make(w.gradient, 3 * unknowns), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * unknowns), make(w.permuted, 3 * unknowns);
+    make(w.gradient, 3 * unknowns), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * unknowns),
+        make(w.permuted, 3 * unknowns);
     make(w.blocks, 9 * std::size_t(t.pattern.block_count)), make(w.limit_candidate, 9 * limits);
     make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions);
     make(w.contact_normal, 3 * frictions), make(w.svd, 9 * E);
@@ -124,8 +126,7 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     c.used_lanes |= 1u << lane;
     set_elements(c, lane, p);
     for (std::size_t b = 0; b < t.bone_nodes.size(); ++b) {
-        for (int d = 0; d < 3; ++d)
-            c.rest.bone_arm[(3 * b + d) * W + lane] = T(p.mesh->nodes[t.bone_nodes[b]][d]);
+        for (int d = 0; d < 3; ++d) c.rest.bone_arm[(3 * b + d) * W + lane] = T(p.mesh->nodes[t.bone_nodes[b]][d]);
         c.rest.bone_stiffness[b * W + lane] = T(p.bone_attachment / double(t.bone_nodes.size()));
     }
     double volume = 0, E = 0;
@@ -166,7 +167,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     return bytes;
 }
 
-#define PALPATE_INSTANTIATE(T)                                                                             \
+#define PALPATE_INSTANTIATE(T)                                                                              \
     template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int); \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);            \
     template void fill_empty_lanes(SkinChunk<T>&);                                                          \

@@ -33,62 +33,62 @@ inline constexpr int bone_spring_count = 3;  ///< virtual coupling, its damper, 
 /// Rest shape, material and limits. Written once, at load.
 template <class T>
 struct SkinRest {
-    LaneArray<T> shape_gradients;   ///< [element][node 1..3][xyz] of the rest shape [1/m]
-    LaneArray<T> volume;            ///< [element] [m^3]
-    LaneArray<T> mu, lambda;        ///< [element] Lame parameters [Pa]
+    LaneArray<T> shape_gradients;        ///< [element][node 1..3][xyz] of the rest shape [1/m]
+    LaneArray<T> volume;                 ///< [element] [m^3]
+    LaneArray<T> mu, lambda;             ///< [element] Lame parameters [Pa]
     LaneArray<T> limit_low, limit_high;  ///< [element] bounds on principal stretches; empty without limits
-    LaneArray<T> limit_penalty;     ///< [element] base penalty of the limits [Pa]; empty without limits
-    LaneArray<T> mass;              ///< [node] [kg]
-    LaneArray<T> bone_arm;          ///< [bone node][xyz] seat in the bone frame [m]
-    LaneArray<T> bone_stiffness;    ///< [bone node] [N/m]
-    LaneArray<T> contact_penalty;   ///< [sample] [N/m]
-    LaneArray<T> rest_position;     ///< [node][xyz] in the bone frame [m]
+    LaneArray<T> limit_penalty;          ///< [element] base penalty of the limits [Pa]; empty without limits
+    LaneArray<T> mass;                   ///< [node] [kg]
+    LaneArray<T> bone_arm;               ///< [bone node][xyz] seat in the bone frame [m]
+    LaneArray<T> bone_stiffness;         ///< [bone node] [N/m]
+    LaneArray<T> contact_penalty;        ///< [sample] [N/m]
+    LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
 };
 
 /// What a step reads and writes.
 template <class T>
 struct SkinState {
-    LaneArray<T> position;          ///< [node][xyz] [m] world
-    LaneArray<T> velocity;          ///< [node][xyz] [m/s]
-    LaneArray<T> bone;              ///< [px py pz qw qx qy qz] world
-    LaneArray<T> bone_velocity;     ///< [linear xyz, angular xyz] [m/s, rad/s]
-    LaneArray<T> limit_multiplier;  ///< [element][3x3] Lambda [Pa]; empty without limits
-    LaneArray<T> normal_multiplier; ///< [slot][sample] [N]
+    LaneArray<T> position;               ///< [node][xyz] [m] world
+    LaneArray<T> velocity;               ///< [node][xyz] [m/s]
+    LaneArray<T> bone;                   ///< [px py pz qw qx qy qz] world
+    LaneArray<T> bone_velocity;          ///< [linear xyz, angular xyz] [m/s, rad/s]
+    LaneArray<T> limit_multiplier;       ///< [element][3x3] Lambda [Pa]; empty without limits
+    LaneArray<T> normal_multiplier;      ///< [slot][sample] [N]
     LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] [N]; empty without friction
-    LaneArray<T> friction_radius;   ///< [slot][sample] [N]; empty without friction
-    LaneArray<T> friction_normal;   ///< [slot][sample][xyz] of the tangent plane; empty without friction
-    LaneArray<T> svd_guess;         ///< [element][3x3] V of the last step: saves Jacobi sweeps
-    LaneArray<T> penalty_scale;     ///< [1] grows where multipliers converge slowly
+    LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
+    LaneArray<T> friction_normal;        ///< [slot][sample][xyz] of the tangent plane; empty without friction
+    LaneArray<T> svd_guess;              ///< [element][3x3] V of the last step: saves Jacobi sweeps
+    LaneArray<T> penalty_scale;          ///< [1] grows where multipliers converge slowly
 };
 
 /// Work memory of a step; nothing in it outlives the step but the candidates, which hold its forces.
 template <class T>
 struct SkinScratch {
-    LaneArray<T> start_position;    ///< [node][xyz] at the beginning of the step
-    LaneArray<T> start_bone;        ///< [7]
-    LaneArray<T> inertia_target;    ///< [node][xyz] x^ of implicit Euler
-    LaneArray<T> bone_springs;      ///< [spring][linear k, angular k, target 7]: written by `couple`
-    LaneArray<T> base_position;     ///< [node][xyz] last accepted iterate
-    LaneArray<T> base_bone;         ///< [7]
-    LaneArray<T> gradient;          ///< [unknown][xyz]
-    LaneArray<T> pending;           ///< [node][xyz] change of the limits' forces by a multiplier update; empty without limits
-    LaneArray<T> direction;         ///< [unknown][xyz] Newton step
-    LaneArray<T> permuted;          ///< [unknown][xyz] right-hand side in elimination order
-    LaneArray<T> blocks;            ///< [block][3x3]
-    LaneArray<T> limit_candidate;   ///< [element][3x3] updated multipliers: the limits' stress
-    LaneArray<T> normal_candidate;  ///< [slot][sample] normal force [N]
+    LaneArray<T> start_position;  ///< [node][xyz] at the beginning of the step
+    LaneArray<T> start_bone;      ///< [7]
+    LaneArray<T> inertia_target;  ///< [node][xyz] x^ of implicit Euler
+    LaneArray<T> bone_springs;    ///< [spring][linear k, angular k, target 7]: written by `couple`
+    LaneArray<T> base_position;   ///< [node][xyz] last accepted iterate
+    LaneArray<T> base_bone;       ///< [7]
+    LaneArray<T> gradient;        ///< [unknown][xyz]
+    LaneArray<T> pending;    ///< [node][xyz] change of the limits' forces by a multiplier update; empty without limits
+    LaneArray<T> direction;  ///< [unknown][xyz] Newton step
+    LaneArray<T> permuted;   ///< [unknown][xyz] right-hand side in elimination order
+    LaneArray<T> blocks;     ///< [block][3x3]
+    LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
+    LaneArray<T> normal_candidate;      ///< [slot][sample] normal force [N]
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]
-    LaneArray<T> contact_normal;    ///< [slot][sample][xyz] at the last evaluation; empty without friction
-    LaneArray<T> svd;               ///< [element][3x3] V at the last evaluation
+    LaneArray<T> contact_normal;        ///< [slot][sample][xyz] at the last evaluation; empty without friction
+    LaneArray<T> svd;                   ///< [element][3x3] V at the last evaluation
 };
 
 /// An object as one chunk sees it in one step.
 struct ContactSlot {
-    int object = -1;             ///< row of the object; -1 = empty
+    int object = -1;  ///< row of the object; -1 = empty
     Shape shape;
-    Pose<double> pose;           ///< at the end of the step
-    Pose<double> motion;         ///< takes a point of the object from the last step's place to this one's
-    double friction = 0;         ///< Coulomb coefficient
+    Pose<double> pose;    ///< at the end of the step
+    Pose<double> motion;  ///< takes a point of the object from the last step's place to this one's
+    double friction = 0;  ///< Coulomb coefficient
 };
 
 /// What the solve reports for one finger.
@@ -97,26 +97,26 @@ struct SkinStatus {
     int multiplier_updates = 0;
     int backtracks = 0;
     bool converged = false;
-    bool reset = false;             ///< diverged, and was put back to rest on its target
-    double residual_N = 0;          ///< norm of the force residual
-    double limit_violation = 0;     ///< worst relative excess over a strain limit
-    double penetration_m = 0;       ///< worst
-    double contact_force_N = 0;     ///< sum of normal forces
-    int limited_elements = 0;       ///< elements at a strain limit
+    bool reset = false;          ///< diverged, and was put back to rest on its target
+    double residual_N = 0;       ///< norm of the force residual
+    double limit_violation = 0;  ///< worst relative excess over a strain limit
+    double penetration_m = 0;    ///< worst
+    double contact_force_N = 0;  ///< sum of normal forces
+    int limited_elements = 0;    ///< elements at a strain limit
 };
 
 /// Settings of the solve; each approximation has a name.
 struct SolverSettings {
-    double dt = 0.005;                 ///< [s]
-    int newton_iterations = 200;       ///< most linear solves in one step
-    double tolerance = 1e-7;           ///< force residual, relative to the forces acting
-    double multiplier_tolerance = 1e-5;///< pending change of multipliers, relative to the forces acting
-    double multiplier_gate = 0.1;      ///< update multipliers once the residual is below this share of the change
-    double limit_tolerance = 1e-3;     ///< relative excess allowed over a strain limit
-    double contact_tolerance = 2e-6;   ///< penetration allowed [m]
-    bool inertia = true;               ///< false: static equilibrium
-    double sleep_speed = 1e-6;         ///< a chunk near no object, slower than this and with still targets, sleeps
-                                       ///< [m/s]; 0 = never
+    double dt = 0.005;                   ///< [s]
+    int newton_iterations = 200;         ///< most linear solves in one step
+    double tolerance = 1e-7;             ///< force residual, relative to the forces acting
+    double multiplier_tolerance = 1e-5;  ///< pending change of multipliers, relative to the forces acting
+    double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change
+    double limit_tolerance = 1e-3;       ///< relative excess allowed over a strain limit
+    double contact_tolerance = 2e-6;     ///< penetration allowed [m]
+    bool inertia = true;                 ///< false: static equilibrium
+    double sleep_speed = 1e-6;           ///< a chunk near no object, slower than this and with still targets, sleeps
+                                         ///< [m/s]; 0 = never
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;
 };
@@ -124,16 +124,16 @@ struct SolverSettings {
 template <class T>
 struct SkinChunk {
     std::shared_ptr<const SkinTopology> topology;
-    int width = 1;                     ///< lanes: 1, 2, 4, 8 or 16
-    unsigned used_lanes = 0;           ///< bit per lane that holds a finger
+    int width = 1;            ///< lanes: 1, 2, 4, 8 or 16
+    unsigned used_lanes = 0;  ///< bit per lane that holds a finger
     bool has_limits = false;
     bool has_friction = false;
-    bool asleep = false;               ///< skipped by the last step: nothing near it, and nothing moves
+    bool asleep = false;                   ///< skipped by the last step: nothing near it, and nothing moves
     std::array<T, 9 * 16> still_spring{};  ///< coupling spring of all lanes when it fell asleep
-    std::vector<int> finger;           ///< [lane] row of the finger; -1 where empty
-    std::vector<SkinStatus> status;    ///< [lane]
+    std::vector<int> finger;               ///< [lane] row of the finger; -1 where empty
+    std::vector<SkinStatus> status;        ///< [lane]
     std::array<ContactSlot, max_contact_slots> slots;
-    int slot_capacity = 0;             ///< slots with memory: no more than the scene has objects
+    int slot_capacity = 0;  ///< slots with memory: no more than the scene has objects
     SkinRest<T> rest;
     SkinState<T> state;
     SkinScratch<T> scratch;
@@ -141,26 +141,25 @@ struct SkinChunk {
 
 /// What one finger brings to its lane.
 struct SkinParameters {
-    const TetMesh* mesh = nullptr;     ///< rest shape in the bone frame; same connectivity as the topology
-    std::vector<double> young_modulus; ///< [element] or one value [Pa]
+    const TetMesh* mesh = nullptr;      ///< rest shape in the bone frame; same connectivity as the topology
+    std::vector<double> young_modulus;  ///< [element] or one value [Pa]
     double poisson_ratio = 0.45;
-    double density = 1050;             ///< [kg/m^3]
+    double density = 1050;  ///< [kg/m^3]
     bool has_limits = false;
     std::vector<double> limit_low, limit_high;  ///< [element] or one value
-    double limit_penalty_factor = 100; ///< penalty = factor x Young's modulus
-    double contact_penalty_factor = 30;///< penalty = factor x Young's modulus x sample spacing
-    double bone_attachment = 4e6;      ///< stiffness of all bone springs together [N/m]
+    double limit_penalty_factor = 100;          ///< penalty = factor x Young's modulus
+    double contact_penalty_factor = 30;         ///< penalty = factor x Young's modulus x sample spacing
+    double bone_attachment = 4e6;               ///< stiffness of all bone springs together [N/m]
 };
 
 /// Allocates every array of a chunk: nothing is allocated later.
 template <class T>
-void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width,
-                    bool has_limits, bool has_friction, int object_count);
+void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
+                    bool has_friction, int object_count);
 
 /// Writes one finger into a lane, at rest on the bone pose `bone`.
 template <class T>
-void set_lane(SkinChunk<T>& chunk, int lane, int finger, const SkinParameters& parameters,
-              const Pose<double>& bone);
+void set_lane(SkinChunk<T>& chunk, int lane, int finger, const SkinParameters& parameters, const Pose<double>& bone);
 
 /// Lanes without a finger repeat lane 0, so that their arithmetic stays finite.
 template <class T>

@@ -12,15 +12,15 @@ namespace palpate {
 
 template <class R>
 struct Evaluation {
-    R energy{0};         ///< [J]
-    R residual{0};       ///< squared norm of the gradient [N^2]
-    R pending{0};        ///< squared norm of the change of nodal forces that a multiplier update would bring
-                         ///< [N^2]; stresses in equilibrium with themselves do not count
-    R violation{0};      ///< worst relative excess over a strain limit
-    R penetration{0};    ///< worst [m]
-    R contact_force{0};  ///< sum of normal forces [N]
-    R coupling_force{0}; ///< norm of the coupling's force [N]
-    R limited{0};        ///< elements with an active limit
+    R energy{0};          ///< [J]
+    R residual{0};        ///< squared norm of the gradient [N^2]
+    R pending{0};         ///< squared norm of the change of nodal forces that a multiplier update would bring
+                          ///< [N^2]; stresses in equilibrium with themselves do not count
+    R violation{0};       ///< worst relative excess over a strain limit
+    R penetration{0};     ///< worst [m]
+    R contact_force{0};   ///< sum of normal forces [N]
+    R coupling_force{0};  ///< norm of the coupling's force [N]
+    R limited{0};         ///< elements with an active limit
 };
 
 namespace detail {
@@ -64,8 +64,8 @@ inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
 /// Strain limit of one element. Adds to P and blocks, writes the updated multiplier.
 template <class R>
 inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
-                             const Vec3<R> g[3], const R& volume, Mat3<R>& P, ElementBlocks<R>& blocks,
-                             Mat3<R>& change, const R& exactness, Evaluation<R>& out) {
+                             const Vec3<R> g[3], const R& volume, Mat3<R>& P, ElementBlocks<R>& blocks, Mat3<R>& change,
+                             const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
     const Vec3<R>& s = svd.sigma;
@@ -82,7 +82,8 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
         store_mat3<R>(candidate, Mat3<R>::zero());
         return;
     }
-    const R k = limit_penalty(multiplier, low, load<R>(&c.rest.limit_penalty[e * W]) * load<R>(&c.state.penalty_scale[0]));
+    const R k =
+        limit_penalty(multiplier, low, load<R>(&c.rest.limit_penalty[e * W]) * load<R>(&c.state.penalty_scale[0]));
     const Mat3<R> shift = (R(1) / k) * multiplier;
     SignedSvd<R> shifted = svd;
     if (any(loaded)) {
@@ -95,8 +96,9 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
             shifted.sigma[i] = select(loaded, own.sigma[i], svd.sigma[i]);
         }
     }
-    const PrincipalTerms<R> terms = blend_curvature(strain_limit<Curvature::exact>(shifted.sigma, low, high, k),
-                                                     strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
+    const PrincipalTerms<R> terms =
+        blend_curvature(strain_limit<Curvature::exact>(shifted.sigma, low, high, k),
+                        strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
     const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
     P = P + stress;
     add_stiffness(shifted, terms, g, volume, blocks);
@@ -135,8 +137,9 @@ inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
         store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
 
         const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
-        const PrincipalTerms<R> elastic = blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
-                                                           corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+        const PrincipalTerms<R> elastic =
+            blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
+                            corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
         out.energy += volume * elastic.energy;
         Mat3<R> P = principal_to_matrix(svd, elastic.stress);
         ElementBlocks<R> blocks;
@@ -159,7 +162,8 @@ inline void add_inertia(SkinChunk<ScalarOf<R>>& c, ScalarOf<R> inverse_dt2, Eval
     const SkinTopology& t = *c.topology;
     for (int i = 0; i < t.node_count; ++i) {
         const R w = R(inverse_dt2) * load<R>(&c.rest.mass[i * W]);
-        const Vec3<R> d = load_vec3<R>(&c.state.position[3 * i * W]) - load_vec3<R>(&c.scratch.inertia_target[3 * i * W]);
+        const Vec3<R> d =
+            load_vec3<R>(&c.state.position[3 * i * W]) - load_vec3<R>(&c.scratch.inertia_target[3 * i * W]);
         out.energy += R(ScalarOf<R>(0.5)) * w * dot(d, d);
         add_vec3<R>(&c.scratch.gradient[3 * i * W], w * d);
         add_block<R>(c.scratch.blocks.data(), t.diagonal_block[i], w * Mat3<R>::identity());

@@ -82,7 +82,8 @@ inline PrincipalTerms<R> strain_limit(const Vec3<R>& tau, const R& low, const R&
 
 /// Curvature between positive semidefinite (share 0) and exact (share 1).
 template <class R>
-inline PrincipalTerms<R> blend_curvature(const PrincipalTerms<R>& exact, const PrincipalTerms<R>& positive, const R& share) {
+inline PrincipalTerms<R> blend_curvature(const PrincipalTerms<R>& exact, const PrincipalTerms<R>& positive,
+                                         const R& share) {
     PrincipalTerms<R> t = positive;
     for (int k = 0; k < 3; ++k) t.twist[k] = positive.twist[k] + share * (exact.twist[k] - positive.twist[k]);
     return t;
@@ -129,8 +130,8 @@ inline Mat3<R> principal_block(const PrincipalTerms<R>& t, const Vec3<R>& ga, co
 /// Adds the stiffness of one energy term to the element's blocks.
 /// `g` are the shape gradients of nodes 1..3 [1/m]; node 0's is minus their sum.
 template <class R>
-inline void add_stiffness(const SignedSvd<R>& svd, const PrincipalTerms<R>& terms, const Vec3<R> g[3],
-                          const R& volume, ElementBlocks<R>& out) {
+inline void add_stiffness(const SignedSvd<R>& svd, const PrincipalTerms<R>& terms, const Vec3<R> g[3], const R& volume,
+                          ElementBlocks<R>& out) {
     Vec3<R> ghat[3];
     for (int a = 0; a < 3; ++a) ghat[a] = transposed_times(svd.V, g[a]);
     Mat3<R> K[3][3];
@@ -141,8 +142,7 @@ inline void add_stiffness(const SignedSvd<R>& svd, const PrincipalTerms<R>& term
             if (a != b) K[b][a] = transpose(K[a][b]);
         }
     // Rows and columns of the 12x12 matrix sum to zero: rigid translations cost nothing.
-    const Mat3<R> row[3] = {K[0][0] + K[0][1] + K[0][2], K[1][0] + K[1][1] + K[1][2],
-                            K[2][0] + K[2][1] + K[2][2]};
+    const Mat3<R> row[3] = {K[0][0] + K[0][1] + K[0][2], K[1][0] + K[1][1] + K[1][2], K[2][0] + K[2][1] + K[2][2]};
     Mat3<R>* block = out.block;
     block[0] = block[0] + row[0] + row[1] + row[2];
     block[1] = block[1] - row[0];

@@ -11,6 +11,6 @@ void solve_double_2(SkinChunk<double>&, const SolverSettings&);
 void solve_double_4(SkinChunk<double>&, const SolverSettings&);  // AVX2 on x86-64
 void solve_float_1(SkinChunk<float>&, const SolverSettings&);
 void solve_float_4(SkinChunk<float>&, const SolverSettings&);
-void solve_float_8(SkinChunk<float>&, const SolverSettings&);    // AVX2 on x86-64
+void solve_float_8(SkinChunk<float>&, const SolverSettings&);  // AVX2 on x86-64
 
 }  // namespace palpate::kernels

@@ -21,7 +21,8 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     c.scratch.start_bone = c.state.bone;
     const Pose<R> before = load_pose<R>(c.state.bone.data());
     const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));
-    const Pose<R> bone{before.position + dt * load_vec3<R>(c.state.bone_velocity.data()), normalised(turn * before.rotation)};
+    const Pose<R> bone{before.position + dt * load_vec3<R>(c.state.bone_velocity.data()),
+                       normalised(turn * before.rotation)};
     store_pose<R>(c.state.bone.data(), bone);
     const Mat3<R> rotation = rotation_matrix(turn);
     // The first guess: nodes coast on; but where elements are at their limits, that would carry them far
@@ -128,8 +129,7 @@ inline void end_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) 
     constexpr int W = lane_width<R>;
     const R rate = R(settings.inertia ? T(1 / settings.dt) : T(0));
     for (std::size_t i = 0; i < c.state.position.size(); i += W)
-        store<R>(&c.state.velocity[i],
-                 rate * (load<R>(&c.state.position[i]) - load<R>(&c.scratch.start_position[i])));
+        store<R>(&c.state.velocity[i], rate * (load<R>(&c.state.position[i]) - load<R>(&c.scratch.start_position[i])));
     const Pose<R> now = load_pose<R>(c.state.bone.data()), before = load_pose<R>(c.scratch.start_bone.data());
     store_vec3<R>(c.state.bone_velocity.data(), rate * (now.position - before.position));
     const Quaternion<R> turn = now.rotation * conjugate(before.rotation);
@@ -175,11 +175,11 @@ inline void reset_lanes(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
 /// Where each lane stands in its iteration.
 template <class R>
 struct LaneProgress {
-    MaskOf<R> active;            ///< not finished
-    MaskOf<R> converged, failed; ///< how it finished
-    R base_energy, slope, alpha; ///< of the running line search
-    R exactness;                 ///< share of exact curvature in the next Newton matrix
-    R last_excess;               ///< violation over tolerance at the last multiplier update
+    MaskOf<R> active;             ///< not finished
+    MaskOf<R> converged, failed;  ///< how it finished
+    R base_energy, slope, alpha;  ///< of the running line search
+    R exactness;                  ///< share of exact curvature in the next Newton matrix
+    R last_excess;                ///< violation over tolerance at the last multiplier update
     R iterations{0}, updates{0}, backtracks{0};
 };
 
@@ -208,7 +208,8 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const SolverSettings& s, L
     const R scale = maximum(maximum(e.contact_force, e.coupling_force), R(T(0.01)));
     const R tolerance = R(T(s.tolerance)) * scale, pending_tolerance = R(T(s.multiplier_tolerance)) * scale;
     const R residual = square_root(e.residual), pending = square_root(e.pending);
-    const R gate = select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
+    const R gate =
+        select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
     const MaskOf<R> ready = p.active & !d.retry & (residual <= gate);
     const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
                                 (e.penetration <= R(T(s.contact_tolerance)));
@@ -260,7 +261,8 @@ inline void adapt_exactness(LaneProgress<R>& p, MaskOf<R> indefinite, MaskOf<R> 
     using T = ScalarOf<R>;
     const R less = select(p.exactness > R(T(0.05)), R(T(0.25)) * p.exactness, R(0));
     const R more = minimum(R(1), select(p.exactness > R(0), R(2) * p.exactness, R(1)));
-    p.exactness = select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
+    p.exactness =
+        select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
     p.exactness = select((indefinite | definite) & (p.iterations > R(T(exact_until))), R(0), p.exactness);
 }
 

@@ -18,7 +18,8 @@ bool near_an_object(const SkinChunk<T>& c) {
 /// Whether the couplings' targets are those at which the chunk fell asleep, to the last bit.
 template <class T>
 bool same_targets(const SkinChunk<T>& c) {
-    return std::equal(c.scratch.bone_springs.begin(), c.scratch.bone_springs.begin() + 9 * c.width, c.still_spring.begin());
+    return std::equal(c.scratch.bone_springs.begin(), c.scratch.bone_springs.begin() + 9 * c.width,
+                      c.still_spring.begin());
 }
 
 /// After a solve: whether every finger of the chunk has come to rest far from everything.
@@ -26,10 +27,12 @@ template <class T>
 bool has_come_to_rest(const SkinChunk<T>& c, const SolverSettings& solver) {
     if (!solver.inertia || solver.sleep_speed <= 0 || near_an_object(c)) return false;
     for (int lane = 0; lane < c.width; ++lane)
-        if (((c.used_lanes >> lane) & 1u) && !(c.status[lane].converged && c.status[lane].newton_iterations <= 1)) return false;
+        if (((c.used_lanes >> lane) & 1u) && !(c.status[lane].converged && c.status[lane].newton_iterations <= 1))
+            return false;
     const T limit = T(solver.sleep_speed);
     return std::all_of(c.state.velocity.begin(), c.state.velocity.end(), [&](T v) { return std::abs(v) < limit; }) &&
-           std::all_of(c.state.bone_velocity.begin(), c.state.bone_velocity.begin() + 3 * c.width, [&](T v) { return std::abs(v) < limit; });
+           std::all_of(c.state.bone_velocity.begin(), c.state.bone_velocity.begin() + 3 * c.width,
+                       [&](T v) { return std::abs(v) < limit; });
 }
 
 template <class T>
@@ -52,8 +55,10 @@ void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena,
                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks) {
     const int doubles = int(double_chunks.size()), all = doubles + int(float_chunks.size());
     auto solve = [&](int i) {
-        if (i < doubles) solve_or_sleep(double_chunks[i], solver);
-        else solve_or_sleep(float_chunks[i - doubles], solver);
+        if (i < doubles)
+            solve_or_sleep(double_chunks[i], solver);
+        else
+            solve_or_sleep(float_chunks[i - doubles], solver);
     };
     if (all == 1) return solve(0);
     arena.execute([&] { oneapi::tbb::parallel_for(0, all, solve, oneapi::tbb::simple_partitioner()); });

@@ -94,8 +94,7 @@ inline SignedSvd<R> signed_svd(const Mat3<R>& F, const Mat3<R>& V_guess) {
     const Vec3<R> b0 = B.column(0), b1 = B.column(1), b2 = B.column(2);
     const R n0 = norm(b0);
     const MaskOf<R> has0 = n0 > tiny;
-    const Vec3<R> u0 =
-        select(has0, (R(1) / select(has0, n0, R(1))) * b0, Vec3<R>{R(1), R(0), R(0)});
+    const Vec3<R> u0 = select(has0, (R(1) / select(has0, n0, R(1))) * b0, Vec3<R>{R(1), R(0), R(0)});
     const Vec3<R> b1_clean = b1 - dot(u0, b1) * u0;
     const R n1 = norm(b1_clean);
     const MaskOf<R> has1 = n1 > tiny;
@@ -114,6 +113,8 @@ inline SignedSvd<R> signed_svd(const Mat3<R>& F, const Mat3<R>& V_guess) {
 }
 
 template <class R>
-inline SignedSvd<R> signed_svd(const Mat3<R>& F) { return signed_svd(F, Mat3<R>::identity()); }
+inline SignedSvd<R> signed_svd(const Mat3<R>& F) {
+    return signed_svd(F, Mat3<R>::identity());
+}
 
 }  // namespace palpate

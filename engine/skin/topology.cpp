@@ -37,8 +37,7 @@ BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency) {
     std::vector<std::vector<std::array<int, 2>>> updates(p.block_count);
     for (int k = 0; k < n; ++k)
         for (int b = p.column_start[k] + 1; b < p.column_start[k + 1]; ++b)
-            for (int a = b; a < p.column_start[k + 1]; ++a)
-                updates[p.find(p.row[a], p.row[b])].push_back({a, b});
+            for (int a = b; a < p.column_start[k + 1]; ++a) updates[p.find(p.row[a], p.row[b])].push_back({a, b});
     p.update_start.push_back(0);
     for (const auto& list : updates) {
         for (auto [a, b] : list) {

@@ -31,16 +31,16 @@ BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency);
 /// the bone comes last in the elimination, so its 6x6 block is the Schur complement of the skin.
 struct SkinTopology {
     int node_count = 0;
-    int bone_position = 0;  ///< unknown block of the bone's position: node_count
-    int bone_rotation = 0;  ///< node_count + 1
-    std::vector<std::array<int, 4>> elements;       ///< nodes, sorted by elimination position
-    std::vector<std::array<int, 10>> element_block; ///< destination of each of block_pair (isotropic.h)
-    std::vector<int> diagonal_block;                ///< [node_count + 2]
-    std::vector<int> bone_nodes;                    ///< nodes with a bone spring
-    std::vector<std::array<int, 2>> bone_block;     ///< per bone node: blocks (position,node), (rotation,node)
-    int bone_cross_block = 0;                       ///< block (rotation, position)
-    std::vector<int> samples;                       ///< nodes at which contact is decided
-    std::vector<int> elimination;                   ///< [node_count + 2] unknown -> elimination position
+    int bone_position = 0;                           ///< unknown block of the bone's position: node_count
+    int bone_rotation = 0;                           ///< node_count + 1
+    std::vector<std::array<int, 4>> elements;        ///< nodes, sorted by elimination position
+    std::vector<std::array<int, 10>> element_block;  ///< destination of each of block_pair (isotropic.h)
+    std::vector<int> diagonal_block;                 ///< [node_count + 2]
+    std::vector<int> bone_nodes;                     ///< nodes with a bone spring
+    std::vector<std::array<int, 2>> bone_block;      ///< per bone node: blocks (position,node), (rotation,node)
+    int bone_cross_block = 0;                        ///< block (rotation, position)
+    std::vector<int> samples;                        ///< nodes at which contact is decided
+    std::vector<int> elimination;                    ///< [node_count + 2] unknown -> elimination position
     BlockPattern pattern;
 };
 

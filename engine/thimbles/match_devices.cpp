@@ -37,7 +37,8 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::t
         Matching& m = matchings[row];
         if (m.fresh) match_one(*surfaces.find(m.finger), m);
     };
-    arena.execute([&] { oneapi::tbb::parallel_for(std::size_t(0), matchings.size(), solve, oneapi::tbb::simple_partitioner()); });
+    arena.execute(
+        [&] { oneapi::tbb::parallel_for(std::size_t(0), matchings.size(), solve, oneapi::tbb::simple_partitioner()); });
 }
 
 void publish(const Table<Matching>& matchings, double time, Table<DeviceLink>& links) {

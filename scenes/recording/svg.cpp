@@ -22,7 +22,8 @@ double tick_step(double range, int n) {
 
 std::string tick_text(double value, double step) {
     char text[32];
-    std::snprintf(text, sizeof text, "%.*f", std::max(0, int(std::ceil(-std::log10(step) - 1e-9))), std::abs(value) < step * 1e-6 ? 0.0 : value);
+    std::snprintf(text, sizeof text, "%.*f", std::max(0, int(std::ceil(-std::log10(step) - 1e-9))),
+                  std::abs(value) < step * 1e-6 ? 0.0 : value);
     return text;
 }
 
@@ -32,7 +33,9 @@ std::string escaped(const std::string& s) {
     return out;
 }
 
-struct Range { double low = HUGE_VAL, high = -HUGE_VAL; };
+struct Range {
+    double low = HUGE_VAL, high = -HUGE_VAL;
+};
 
 Range range_of(const Plot& plot, bool x) {
     Range r;
@@ -49,18 +52,22 @@ Range range_of(const Plot& plot, bool x) {
 void draw(std::ostringstream& out, const Plot& plot, double y0) {
     const Range rx = range_of(plot, true), ry = range_of(plot, false);
     auto px = [&](double x) { return left + (x - rx.low) / (rx.high - rx.low) * (width - left - right); };
-    auto py = [&](double y) { return y0 + height - bottom - (y - ry.low) / (ry.high - ry.low) * (height - top - bottom); };
-    out << "<text x=\"" << left << "\" y=\"" << y0 + 26 << "\" font-size=\"16\" font-weight=\"bold\">" << escaped(plot.title) << "</text>\n";
+    auto py = [&](double y) {
+        return y0 + height - bottom - (y - ry.low) / (ry.high - ry.low) * (height - top - bottom);
+    };
+    out << "<text x=\"" << left << "\" y=\"" << y0 + 26 << "\" font-size=\"16\" font-weight=\"bold\">"
+        << escaped(plot.title) << "</text>\n";
     const double sx = tick_step(rx.high - rx.low, 7), sy = tick_step(ry.high - ry.low, 6);
     for (double x = std::ceil(rx.low / sx - 1e-9) * sx; x <= rx.high + 1e-9 * sx; x += sx)
-        out << "<path d=\"M" << px(x) << " " << py(ry.low) << "V" << py(ry.high) << "\" stroke=\"#e4e4e4\"/><text x=\"" << px(x) << "\" y=\""
-            << py(ry.low) + 18 << "\" text-anchor=\"middle\">" << tick_text(x, sx) << "</text>\n";
+        out << "<path d=\"M" << px(x) << " " << py(ry.low) << "V" << py(ry.high) << "\" stroke=\"#e4e4e4\"/><text x=\""
+            << px(x) << "\" y=\"" << py(ry.low) + 18 << "\" text-anchor=\"middle\">" << tick_text(x, sx) << "</text>\n";
     for (double y = std::ceil(ry.low / sy - 1e-9) * sy; y <= ry.high + 1e-9 * sy; y += sy)
-        out << "<path d=\"M" << px(rx.low) << " " << py(y) << "H" << px(rx.high) << "\" stroke=\"#e4e4e4\"/><text x=\"" << left - 8 << "\" y=\""
-            << py(y) + 4 << "\" text-anchor=\"end\">" << tick_text(y, sy) << "</text>\n";
-    out << "<rect x=\"" << left << "\" y=\"" << py(ry.high) << "\" width=\"" << width - left - right << "\" height=\"" << height - top - bottom
-        << "\" fill=\"none\" stroke=\"#444\"/>\n<text x=\"" << 0.5 * (left + width - right) << "\" y=\"" << y0 + height - 14
-        << "\" text-anchor=\"middle\">" << escaped(plot.x_label) << "</text>\n<text transform=\"translate(20," << y0 + 0.5 * (top + height - bottom)
+        out << "<path d=\"M" << px(rx.low) << " " << py(y) << "H" << px(rx.high) << "\" stroke=\"#e4e4e4\"/><text x=\""
+            << left - 8 << "\" y=\"" << py(y) + 4 << "\" text-anchor=\"end\">" << tick_text(y, sy) << "</text>\n";
+    out << "<rect x=\"" << left << "\" y=\"" << py(ry.high) << "\" width=\"" << width - left - right << "\" height=\""
+        << height - top - bottom << "\" fill=\"none\" stroke=\"#444\"/>\n<text x=\"" << 0.5 * (left + width - right)
+        << "\" y=\"" << y0 + height - 14 << "\" text-anchor=\"middle\">" << escaped(plot.x_label)
+        << "</text>\n<text transform=\"translate(20," << y0 + 0.5 * (top + height - bottom)
         << ") rotate(-90)\" text-anchor=\"middle\">" << escaped(plot.y_label) << "</text>\n";
     double legend = y0 + top + 8;
     for (std::size_t i = 0; i < plot.curves.size(); ++i) {
@@ -73,14 +80,16 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
             if (good) out << (pen_down ? "L" : "M") << px(c.x[k]) << " " << py(c.y[k]);
             pen_down = good;
         }
-        out << "\"/>\n<path d=\"M" << width - right + 14 << " " << legend << "h22\" stroke-width=\"2\" stroke=\"" << colour << "\"/><text x=\""
-            << width - right + 42 << "\" y=\"" << legend + 4 << "\">" << escaped(c.name) << "</text>\n";
+        out << "\"/>\n<path d=\"M" << width - right + 14 << " " << legend << "h22\" stroke-width=\"2\" stroke=\""
+            << colour << "\"/><text x=\"" << width - right + 42 << "\" y=\"" << legend + 4 << "\">" << escaped(c.name)
+            << "</text>\n";
         legend += 20;
     }
     for (const Marker& m : plot.markers) {
         if (!(m.x >= rx.low && m.x <= rx.high)) continue;
-        out << "<path d=\"M" << px(m.x) << " " << py(ry.low) << "V" << py(ry.high) << "\" stroke=\"#444\" stroke-dasharray=\"5 4\"/><text x=\"" << px(m.x) - 5
-            << "\" y=\"" << py(ry.high) + 16 << "\" text-anchor=\"end\" fill=\"#444\">" << escaped(m.name) << "</text>\n";
+        out << "<path d=\"M" << px(m.x) << " " << py(ry.low) << "V" << py(ry.high)
+            << "\" stroke=\"#444\" stroke-dasharray=\"5 4\"/><text x=\"" << px(m.x) - 5 << "\" y=\"" << py(ry.high) + 16
+            << "\" text-anchor=\"end\" fill=\"#444\">" << escaped(m.name) << "</text>\n";
     }
 }
 
@@ -90,8 +99,10 @@ void write_svg(const std::filesystem::path& path, const std::vector<Plot>& plots
     std::ostringstream out;
     out.precision(6);
     const double total = height * double(plots.size());
-    out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width << " " << total << "\" width=\"" << width << "\" height=\"" << total
-        << "\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#111\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n";
+    out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width << " " << total << "\" width=\"" << width
+        << "\" height=\"" << total
+        << "\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#111\">\n<rect width=\"100%\" height=\"100%\" "
+           "fill=\"white\"/>\n";
     for (std::size_t i = 0; i < plots.size(); ++i) draw(out, plots[i], height * double(i));
     out << "</svg>\n";
     write_file(path, out.str());

@@ -41,7 +41,8 @@ Pose<double> finger_pose(const Vector3d& joint, const Vector3d& tip, const Matri
     return {{p.x(), p.y(), p.z()}, {q.w(), q.x(), q.y(), q.z()}};
 }
 
-void add_frame(HandRecording& recording, HandRecording::Frame frame, double time, const std::filesystem::path& path, int line) {
+void add_frame(HandRecording& recording, HandRecording::Frame frame, double time, const std::filesystem::path& path,
+               int line) {
     frame.time = time;
     if (!recording.frames.empty()) {
         const double gap = time - recording.frames.back().time;
@@ -72,14 +73,17 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
         return it->second;
     };
     const int time_column = need("t_us"), hand_column = need("hand");
-    struct Columns { int joint[3], tip[3], basis[9]; } columns[5];
+    struct Columns {
+        int joint[3], tip[3], basis[9];
+    } columns[5];
     const char* names[5] = {"thumb", "index", "middle", "ring", "pinky"};
     for (int f = 0; f < 5; ++f)
         for (int d = 0; d < 3; ++d) {
             const std::string axis(1, "xyz"[d]), finger = names[f];
             columns[f].joint[d] = need(finger + "_dip_" + axis);
             columns[f].tip[d] = need(finger + "_tip_" + axis);
-            for (int k = 0; k < 3; ++k) columns[f].basis[3 * d + k] = need(finger + "_distalbasis_" + std::to_string(d) + std::to_string(k));
+            for (int k = 0; k < 3; ++k)
+                columns[f].basis[3 * d + k] = need(finger + "_distalbasis_" + std::to_string(d) + std::to_string(k));
         }
     HandRecording recording;
     const Matrix3d up = upright(true);
@@ -89,12 +93,17 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
         std::vector<std::string> cells;
         std::istringstream row(line);
         while (std::getline(row, cell, ',')) cells.push_back(cell);
-        if (cells.size() != column.size()) refuse(path, number, "expected " + std::to_string(column.size()) + " cells, found " + std::to_string(cells.size()) + " (truncated?)");
+        if (cells.size() != column.size())
+            refuse(path, number,
+                   "expected " + std::to_string(column.size()) + " cells, found " + std::to_string(cells.size()) +
+                       " (truncated?)");
         if (cells[hand_column] != hand) continue;
         auto value = [&](int c) {
             char* end = nullptr;
             const double x = std::strtod(cells[c].c_str(), &end);
-            if (*end || !std::isfinite(x)) refuse(path, number, "expected a number in cell " + std::to_string(c + 1) + ", found '" + cells[c] + "'");
+            if (*end || !std::isfinite(x))
+                refuse(path, number,
+                       "expected a number in cell " + std::to_string(c + 1) + ", found '" + cells[c] + "'");
             return x;
         };
         HandRecording::Frame frame;
@@ -125,10 +134,13 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
     for (int number = 1; next_line(in, line); ++number) {
         if (line.empty()) continue;
         const auto json = nlohmann::json::parse(line, nullptr, false);
-        if (!json.is_object()) refuse(path, number, "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");
+        if (!json.is_object())
+            refuse(path, number,
+                   "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");
         if (!json.contains("joints")) {
             const std::string units = json.value("units", "m"), axis = json.value("up", "y");
-            if (units != "m" && units != "mm") refuse(path, number, "units: expected \"m\" or \"mm\", found \"" + units + "\"");
+            if (units != "m" && units != "mm")
+                refuse(path, number, "units: expected \"m\" or \"mm\", found \"" + units + "\"");
             if (axis != "y" && axis != "z") refuse(path, number, "up: expected \"y\" or \"z\", found \"" + axis + "\"");
             scale = units == "mm" ? 1e-3 : 1;
             up = upright(axis == "y");
@@ -142,15 +154,20 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
         frame.valid = json.value("valid", true);
         auto entry = [&](int joint, int k) {
             const auto& row = joints[joint];
-            if (!row.is_array() || row.size() < 7 || !row[k].is_number()) refuse(path, number, "joint " + std::to_string(joint) + ": expected [x, y, z, qx, qy, qz, qw, radius]");
+            if (!row.is_array() || row.size() < 7 || !row[k].is_number())
+                refuse(path, number, "joint " + std::to_string(joint) + ": expected [x, y, z, qx, qy, qz, qw, radius]");
             return row[k].get<double>();
         };
         for (int f = 0; f < 5; ++f) {
             const int distal = f == 0 ? 4 : 4 + 5 * f, tip = distal + 1;
-            const Vector3d a(entry(distal, 0), entry(distal, 1), entry(distal, 2)), b(entry(tip, 0), entry(tip, 1), entry(tip, 2));
+            const Vector3d a(entry(distal, 0), entry(distal, 1), entry(distal, 2)),
+                b(entry(tip, 0), entry(tip, 1), entry(tip, 2));
             const Eigen::Quaterniond q(entry(distal, 6), entry(distal, 3), entry(distal, 4), entry(distal, 5));
-            if (q.norm() < 1e-3) frame.valid = false;
-            else frame.finger[f] = finger_pose(scale * (up * a), scale * (up * b), up * q.normalized().toRotationMatrix());
+            if (q.norm() < 1e-3)
+                frame.valid = false;
+            else
+                frame.finger[f] =
+                    finger_pose(scale * (up * a), scale * (up * b), up * q.normalized().toRotationMatrix());
         }
         const double time = json["t"].get<double>();
         if (recording.frames.empty()) first_time = time;
@@ -165,10 +182,14 @@ HandRecording read_hand_recording(const std::filesystem::path& path, const std::
     if (!std::filesystem::is_regular_file(path)) throw InputError(path.string() + ": no such file");
     const std::string kind = path.extension().string();
     HandRecording recording;
-    if (kind == ".csv") recording = read_csv(path, hand);
-    else if (kind == ".jsonl" || kind == ".json") recording = read_json_lines(path, hand);
-    else throw InputError(path.string() + ": unknown kind '" + kind + "'; expected .jsonl or .csv");
-    if (recording.frames.size() < 2) throw InputError(path.string() + ": fewer than two frames of the " + hand + " hand");
+    if (kind == ".csv")
+        recording = read_csv(path, hand);
+    else if (kind == ".jsonl" || kind == ".json")
+        recording = read_json_lines(path, hand);
+    else
+        throw InputError(path.string() + ": unknown kind '" + kind + "'; expected .jsonl or .csv");
+    if (recording.frames.size() < 2)
+        throw InputError(path.string() + ": fewer than two frames of the " + hand + " hand");
     return recording;
 }
 
@@ -176,7 +197,8 @@ TrackerPose::Sample sample_recording(const HandRecording& r, int finger, double 
     TrackerPose::Sample s;
     s.time = time;
     if (r.frames.empty() || time < r.frames.front().time || time > r.frames.back().time) return s;
-    const auto next = std::lower_bound(r.frames.begin(), r.frames.end(), time, [](const HandRecording::Frame& f, double t) { return f.time < t; });
+    const auto next = std::lower_bound(r.frames.begin(), r.frames.end(), time,
+                                       [](const HandRecording::Frame& f, double t) { return f.time < t; });
     const HandRecording::Frame& b = *next;
     const HandRecording::Frame& a = next == r.frames.begin() ? b : *std::prev(next);
     if (!a.valid || !b.valid || b.time - a.time > 0.1) return s;

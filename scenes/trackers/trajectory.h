@@ -8,7 +8,7 @@
 namespace palpate {
 
 struct Keyframe {
-    double time = 0;                                   ///< [s]
+    double time = 0;  ///< [s]
     Pose<double> pose = Pose<double>::identity();
 };
 

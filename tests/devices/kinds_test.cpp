@@ -18,7 +18,9 @@ class EveryKind : public ::testing::TestWithParam<std::string> {
     Coordinates random_inside(std::mt19937& random, const DeviceModel& m) const {
         for (int i = 0; i < 100000; ++i) {
             Coordinates w(m.rest.size());
-            for (int k = 0; k < w.size(); ++k) w[k] = std::uniform_real_distribution<double>(kind().configuration_min[k], kind().configuration_max[k])(random);
+            for (int k = 0; k < w.size(); ++k)
+                w[k] = std::uniform_real_distribution<double>(kind().configuration_min[k],
+                                                              kind().configuration_max[k])(random);
             if (inside_workspace(m, w)) return w;
         }
         return m.rest;
@@ -40,8 +42,12 @@ TEST_P(EveryKind, DerivativesAgreeWithDifferences) {
             a[k] += h, b[k] -= h;
             const Eigen::VectorXd dq = (kind().joints(m, a).q - kind().joints(m, b).q) / (2 * h);
             EXPECT_LT((dq - j.dq.col(k)).norm(), 1e-6 * std::max(1.0, dq.norm()));
-            EXPECT_LT(((kind().platform(m, a).centre - kind().platform(m, b).centre) / (2 * h) - p.dcentre.col(k)).norm(), 1e-6);
-            EXPECT_LT(((kind().platform(m, a).normal - kind().platform(m, b).normal) / (2 * h) - p.dnormal.col(k)).norm(), 1e-6);
+            EXPECT_LT(
+                ((kind().platform(m, a).centre - kind().platform(m, b).centre) / (2 * h) - p.dcentre.col(k)).norm(),
+                1e-6);
+            EXPECT_LT(
+                ((kind().platform(m, a).normal - kind().platform(m, b).normal) / (2 * h) - p.dnormal.col(k)).norm(),
+                1e-6);
         }
     }
 }
@@ -57,12 +63,12 @@ TEST_P(EveryKind, OutOfReachGivesFiniteJointsOutsideTheLimits) {
     const DeviceModel m = kind().defaults();
     for (int trial = 0; trial < 2000; ++trial) {
         Coordinates w(m.rest.size());
-        for (int k = 0; k < w.size(); ++k) w[k] = std::uniform_real_distribution<double>(kind().configuration_min[k], kind().configuration_max[k])(random);
+        for (int k = 0; k < w.size(); ++k)
+            w[k] = std::uniform_real_distribution<double>(kind().configuration_min[k],
+                                                          kind().configuration_max[k])(random);
         const Joints j = kind().joints(m, w);
         EXPECT_TRUE(j.q.allFinite() && j.dq.allFinite());
-        if (!j.closed) {
-            EXPECT_LT(joint_margins(m, j.q).minCoeff(), 0);
-        }
+        if (!j.closed) { EXPECT_LT(joint_margins(m, j.q).minCoeff(), 0); }
     }
 }
 
@@ -81,8 +87,12 @@ TEST_P(EveryKind, ImpossibleGeometryIsRefusedWithItsNumbers) {
     EXPECT_NE(validate(m)[0].find("rest"), std::string::npos);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, EveryKind, ::testing::ValuesIn(kind_names()),
-                         [](const auto& info) { std::string n = info.param; for (char& c : n) if (!std::isalnum(static_cast<unsigned char>(c))) c = '_'; return n; });
+INSTANTIATE_TEST_SUITE_P(Kinds, EveryKind, ::testing::ValuesIn(kind_names()), [](const auto& info) {
+    std::string n = info.param;
+    for (char& c : n)
+        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+    return n;
+});
 
 struct Known {
     double theta, psi, dz;
@@ -91,9 +101,16 @@ struct Known {
 
 TEST(Chinello3rrs, KnownPoses) {
     const DeviceModel m = find_kind("chinello-3rrs")->defaults();
-    for (const Known& k : {Known{0, 0, 24, {-0.049762639, -0.002926831, -0.002926831}, 0, 0, {0, 0, -1}},
-                           Known{10, 0, 24, {-0.416539915, 0.286461982, 0.286461982}, -0.151922470, 0, {-0.173648178, 0, -0.984807753}},
-                           Known{8, -12, 23.5, {-0.402154095, 0.394827620, -0.025214878}, 0.116938495, 0.291107405, {-0.139173101, -0.205888309, -0.968628336}}}) {
+    for (const Known& k :
+         {Known{0, 0, 24, {-0.049762639, -0.002926831, -0.002926831}, 0, 0, {0, 0, -1}},
+          Known{10, 0, 24, {-0.416539915, 0.286461982, 0.286461982}, -0.151922470, 0, {-0.173648178, 0, -0.984807753}},
+          Known{8,
+                -12,
+                23.5,
+                {-0.402154095, 0.394827620, -0.025214878},
+                0.116938495,
+                0.291107405,
+                {-0.139173101, -0.205888309, -0.968628336}}}) {
         const Coordinates w = Eigen::Vector3d(k.theta * degree, k.psi * degree, 1e-3 * k.dz);
         const Joints j = m.kind->joints(m, w);
         const Platform p = m.kind->platform(m, w);
@@ -106,7 +123,9 @@ TEST(Chinello3rrs, KnownPoses) {
         EXPECT_NEAR(1e3 * p.centre.z(), k.dz, 1e-12);
     }
     const Joints j = m.kind->joints(m, Eigen::Vector3d(0, 0, 0.024));
-    const double expected[3][3] = {{-2.022991884, 0, 0.101149594}, {1.677524352, -1.034776149, 0.098550109}, {1.677524352, 1.034776149, 0.098550109}};
+    const double expected[3][3] = {{-2.022991884, 0, 0.101149594},
+                                   {1.677524352, -1.034776149, 0.098550109},
+                                   {1.677524352, 1.034776149, 0.098550109}};
     for (int i = 0; i < 3; ++i)
         for (int k = 0; k < 3; ++k) EXPECT_NEAR(j.dq(i, k) * (k == 2 ? 1e-3 : 1), expected[i][k], 1e-8);
 }
@@ -115,7 +134,8 @@ TEST(Chinello3rrs, RollsThirtyFiveDegreesAtMidHeight) {
     const DeviceModel m = find_kind("chinello-3rrs")->defaults();
     EXPECT_TRUE(inside_workspace(m, Eigen::Vector3d(0, 34.99 * degree, 0.0242936)));
     EXPECT_FALSE(inside_workspace(m, Eigen::Vector3d(0, 35.02 * degree, 0.0242936)));
-    EXPECT_TRUE(inside_workspace(m, Eigen::Vector3d(0, 0, 0.0306)) && !inside_workspace(m, Eigen::Vector3d(0, 0, 0.0307)));
+    EXPECT_TRUE(inside_workspace(m, Eigen::Vector3d(0, 0, 0.0306)) &&
+                !inside_workspace(m, Eigen::Vector3d(0, 0, 0.0307)));
 }
 
 }  // namespace

@@ -56,14 +56,16 @@ TEST(LimitCommand, AnySequenceStaysFiniteInRangeAndSlewLimited) {
             ASSERT_GE(q[k], low[k]);
             ASSERT_LE(q[k], high[k]);
             ASSERT_LE(std::abs(q[k] - before[k]), limits.velocity * dt * (1 + 1e-9));
-            ASSERT_LE(std::abs(v[k] - speed[k]), limits.acceleration * dt * (1 + 1e-9)) << "step " << i << " joint " << k;
+            ASSERT_LE(std::abs(v[k] - speed[k]), limits.acceleration * dt * (1 + 1e-9))
+                << "step " << i << " joint " << k;
         }
     }
 }
 
 TEST(LimitCommand, ReachesTheTargetWithoutOvershoot) {
     Coordinates q = Coordinates::Zero(1), v = Coordinates::Zero(1);
-    const Coordinates low = Coordinates::Constant(1, -1), high = Coordinates::Constant(1, 1), target = Coordinates::Constant(1, 0.5);
+    const Coordinates low = Coordinates::Constant(1, -1), high = Coordinates::Constant(1, 1),
+                      target = Coordinates::Constant(1, 0.5);
     for (int i = 0; i < 100; ++i) {
         limit_command(target, low, high, {3, 60}, 0.02, q, v);
         EXPECT_LE(q[0], 0.5 + 1e-12);

@@ -62,9 +62,9 @@ TEST(Distance, RegionsOfTheTruncatedCone) {
     Platform p;
     p.centre.setZero();
     p.normal = Vector3d::UnitZ();
-    EXPECT_NEAR(cone_distance({0.001, 0, 0.003}, p, 0.01).value, 0.003, 1e-15);         // above the disk
-    EXPECT_NEAR(cone_distance({0.001, 0, -0.002}, p, 0.01).value, -0.002, 1e-15);       // below it: inside
-    EXPECT_NEAR(cone_distance({0.013, 0, 0.004}, p, 0.01).value, 0.005, 1e-15);         // nearest to the rim
+    EXPECT_NEAR(cone_distance({0.001, 0, 0.003}, p, 0.01).value, 0.003, 1e-15);             // above the disk
+    EXPECT_NEAR(cone_distance({0.001, 0, -0.002}, p, 0.01).value, -0.002, 1e-15);           // below it: inside
+    EXPECT_NEAR(cone_distance({0.013, 0, 0.004}, p, 0.01).value, 0.005, 1e-15);             // nearest to the rim
     EXPECT_NEAR(cone_distance({0.014, 0, 0}, p, 0.01).value, 0.004 / std::sqrt(2), 1e-15);  // beside the cone
     EXPECT_NEAR(disk_distance({0.001, 0, -0.002}, p, 0.01).value, 0.002, 1e-15);
     EXPECT_NEAR(disk_distance({0.013, 0, -0.004}, p, 0.01).value, 0.005, 1e-15);
@@ -72,7 +72,8 @@ TEST(Distance, RegionsOfTheTruncatedCone) {
     std::mt19937 random(2);
     std::uniform_real_distribution<double> u(-0.03, 0.03);
     for (int i = 0; i < 20000; ++i) {
-        const Vector3d a(u(random), u(random), u(random)), step = 1e-7 * Vector3d(u(random), u(random), u(random)).normalized();
+        const Vector3d a(u(random), u(random), u(random)),
+            step = 1e-7 * Vector3d(u(random), u(random), u(random)).normalized();
         EXPECT_LE(std::abs(cone_distance(a, p, 0.01).value - cone_distance(a + step, p, 0.01).value), 1.0001e-7);
     }
 }
@@ -92,7 +93,9 @@ TEST(Objective, GradientAgreesWithDifferences) {
             const double h = 1e-6 * m.kind->configuration_scale[k];
             Coordinates a = w, b = w;
             a[k] += h, b[k] -= h;
-            const double d = (matching_objective(m, points, settings, m.rest, a).value - matching_objective(m, points, settings, m.rest, b).value) / (2 * h);
+            const double d = (matching_objective(m, points, settings, m.rest, a).value -
+                              matching_objective(m, points, settings, m.rest, b).value) /
+                             (2 * h);
             EXPECT_LT(testing::relative_error(d, f.gradient[k], 1e-2 * f.gradient.cwiseAbs().maxCoeff()), 1e-6);
         }
     }
@@ -105,10 +108,12 @@ TEST(Matching, AllMethodsFindAReachablePlane) {
         std::uniform_real_distribution<double> u(-1, 1);
         const Coordinates truth = Vector3d(6 * degree * u(random), 8 * degree * u(random), 0.0245 + 0.0005 * u(random));
         const auto points = points_on(m, truth, random);
-        for (MatchingMethod method : {MatchingMethod::constrained, MatchingMethod::unconstrained, MatchingMethod::plane}) {
+        for (MatchingMethod method :
+             {MatchingMethod::constrained, MatchingMethod::unconstrained, MatchingMethod::plane}) {
             const MatchingResult r = match(method, m, points, {}, m.rest);
             EXPECT_EQ(r.status, MatchingStatus::matched);
-            EXPECT_LT((r.w - truth).cwiseQuotient(m.kind->configuration_scale).norm(), 2e-3) << "method " << int(method);
+            EXPECT_LT((r.w - truth).cwiseQuotient(m.kind->configuration_scale).norm(), 2e-3)
+                << "method " << int(method);
             EXPECT_FALSE(r.constraint_active);
         }
     }
@@ -153,8 +158,8 @@ TEST(Matching, HostileProblemsNeverLeaveTheJointBox) {
         const double size = trial % 5 == 0 ? 10 : 0.02;
         for (int i = 0; i < n; ++i) {
             Vector3d x(size * u(random), size * u(random), 0.02 + size * u(random));
-            if (trial % 11 == 0) x.z() = 0.02;                  // coplanar
-            if (trial % 13 == 0) x.head<2>().setZero();         // one line
+            if (trial % 11 == 0) x.z() = 0.02;           // coplanar
+            if (trial % 13 == 0) x.head<2>().setZero();  // one line
             if (trial % 17 == 0 && i == 0) x.x() = nan;
             points.push_back({x, trial % 3 == 0 || u(random) > 0});
         }

@@ -62,7 +62,9 @@ void check_element(const Element& e, const Mat3<double>& shift, double scale, Te
             for (int j = 0; j < 3; ++j) {
                 const std::size_t row = 3 * block_pair[k][0] + i, column = 3 * block_pair[k][1] + j;
                 auto component = [&](const Numbers& x) { return gradient(x)[row]; };
-                EXPECT_LT(relative_error(central_difference(component, e.x, column, 1e-6), blocks.block[k][i][j], scale), 1e-6)
+                EXPECT_LT(
+                    relative_error(central_difference(component, e.x, column, 1e-6), blocks.block[k][i][j], scale),
+                    1e-6)
                     << "block " << k << " entry " << i << j;
             }
 }
@@ -72,8 +74,9 @@ TEST(Derivatives, CorotationalForceAndHessian) {
     for (int trial = 0; trial < 200; ++trial) {
         // Up to strong deformation and inversion.
         const Element e = random_element(random, trial < 100 ? 0.2 : 0.8);
-        check_element(e, Mat3<double>::zero(), 1e3,
-                      [](const Vec3<double>& s) { return corotational<Curvature::exact>(s, 1e3, 4e3); }, true);
+        check_element(
+            e, Mat3<double>::zero(), 1e3,
+            [](const Vec3<double>& s) { return corotational<Curvature::exact>(s, 1e3, 4e3); }, true);
         if (HasFailure()) FAIL() << "trial " << trial;
     }
 }
@@ -94,7 +97,9 @@ TEST(Derivatives, StrainLimitForceAndHessian) {
         for (int i = 0; i < 3; ++i) smooth = smooth && std::abs(tau[i] - 0.8) > 1e-3 && std::abs(tau[i] - 1.2) > 1e-3;
         if (!smooth || std::abs(tau[1] + tau[2]) < 0.05) continue;
         ++checked;
-        check_element(e, shift, 1e4, [](const Vec3<double>& t) { return strain_limit<Curvature::exact>(t, 0.8, 1.2, 1e4); }, true);
+        check_element(
+            e, shift, 1e4, [](const Vec3<double>& t) { return strain_limit<Curvature::exact>(t, 0.8, 1.2, 1e4); },
+            true);
         if (HasFailure()) FAIL() << "trial " << trial;
     }
     EXPECT_GT(checked, 200);
@@ -115,7 +120,8 @@ TEST(Derivatives, PositiveCurvatureHasNoNegativeEigenvalue) {
         for (int k = 0; k < 10; ++k)
             for (int i = 0; i < 3; ++i)
                 for (int j = 0; j < 3; ++j)
-                    H(3 * block_pair[k][0] + i, 3 * block_pair[k][1] + j) = H(3 * block_pair[k][1] + j, 3 * block_pair[k][0] + i) = blocks.block[k][i][j];
+                    H(3 * block_pair[k][0] + i, 3 * block_pair[k][1] + j) =
+                        H(3 * block_pair[k][1] + j, 3 * block_pair[k][0] + i) = blocks.block[k][i][j];
         const auto eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 12, 12>>(H).eigenvalues();
         EXPECT_GT(eigenvalues.minCoeff(), -1e-10 * eigenvalues.maxCoeff());
     }
@@ -125,8 +131,9 @@ TEST(Derivatives, DistanceOfEveryShape) {
     std::mt19937 random(4);
     std::uniform_real_distribution<double> u(-0.05, 0.05);
     const Pose<double> pose{{0.003, -0.002, 0.004}, normalised(Quaternion<double>{0.8, 0.3, -0.4, 0.2})};
-    for (const Shape& shape : {Shape{ShapeKind::plane, {}}, Shape{ShapeKind::box, {0.02, 0.015, 0.01}}, Shape{ShapeKind::sphere, {0.02, 0, 0}},
-                               Shape{ShapeKind::capsule, {0.012, 0.02, 0}}, Shape{ShapeKind::cylinder, {0.015, 0.02, 0}}})
+    for (const Shape& shape : {Shape{ShapeKind::plane, {}}, Shape{ShapeKind::box, {0.02, 0.015, 0.01}},
+                               Shape{ShapeKind::sphere, {0.02, 0, 0}}, Shape{ShapeKind::capsule, {0.012, 0.02, 0}},
+                               Shape{ShapeKind::cylinder, {0.015, 0.02, 0}}})
         for (int trial = 0; trial < 500; ++trial) {
             const Numbers x{u(random), u(random), u(random)};
             auto at = [&](const Numbers& y) { return surface_point(shape, pose, Vec3<double>{y[0], y[1], y[2]}); };
@@ -137,9 +144,7 @@ TEST(Derivatives, DistanceOfEveryShape) {
                 const double d = central_difference(distance, x, i, 1e-8);
                 // At the medial axis of a box the two sides differ: there the difference is no derivative.
                 const double coarse = central_difference(distance, x, i, 1e-5);
-                if (std::abs(d - coarse) < 1e-4) {
-                    EXPECT_NEAR(d, s.normal[int(i)], 1e-6) << int(shape.kind);
-                }
+                if (std::abs(d - coarse) < 1e-4) { EXPECT_NEAR(d, s.normal[int(i)], 1e-6) << int(shape.kind); }
             }
         }
 }
@@ -150,7 +155,10 @@ TEST(Derivatives, ContactWithFriction) {
     const Shape plane{};
     const Pose<double> pose{{0, 0, 0}, normalised(Quaternion<double>{0.9, 0.2, -0.3, 0.1})};
     for (int trial = 0; trial < 300; ++trial) {
-        const ContactState<double> state{std::max(0.0, u(random)), {u(random), u(random), u(random)}, std::abs(u(random)), rotation_matrix(pose.rotation).column(2)};
+        const ContactState<double> state{std::max(0.0, u(random)),
+                                         {u(random), u(random), u(random)},
+                                         std::abs(u(random)),
+                                         rotation_matrix(pose.rotation).column(2)};
         const Vec3<double> start{1e-3 * u(random), 1e-3 * u(random), 1e-3 * u(random)};
         auto terms = [&](const Numbers& x) {
             const Vec3<double> p{x[0], x[1], x[2]};
@@ -163,7 +171,9 @@ TEST(Derivatives, ContactWithFriction) {
             EXPECT_LT(relative_error(central_difference(energy, x, std::size_t(i), 1e-8), t.gradient[i], 0.1), 1e-6);
             for (int j = 0; j < 3; ++j) {
                 auto component = [&](const Numbers& y) { return terms(y).gradient[i]; };
-                EXPECT_LT(relative_error(central_difference(component, x, std::size_t(j), 1e-8), t.curvature[i][j], 1e3), 1e-6);
+                EXPECT_LT(
+                    relative_error(central_difference(component, x, std::size_t(j), 1e-8), t.curvature[i][j], 1e3),
+                    1e-6);
             }
         }
     }
@@ -173,16 +183,21 @@ TEST(Derivatives, CouplingAndBoneSprings) {
     std::mt19937 random(6);
     std::normal_distribution<double> n;
     for (int trial = 0; trial < 300; ++trial) {
-        auto pose = [&] { return Pose<double>{{n(random), n(random), n(random)}, normalised(Quaternion<double>{n(random), n(random), n(random), n(random)})}; };
+        auto pose = [&] {
+            return Pose<double>{{n(random), n(random), n(random)},
+                                normalised(Quaternion<double>{n(random), n(random), n(random), n(random)})};
+        };
         const Pose<double> base = pose();
         const PoseSpring<double> spring{3.0, 2.0, pose()};
         const Vec3<double> r{n(random), n(random), n(random)}, node{n(random), n(random), n(random)};
         auto moved = [&](const Numbers& y) {  // y: position, left rotation, node
-            return Pose<double>{base.position + Vec3<double>{y[0], y[1], y[2]}, rotation_step(Vec3<double>{y[3], y[4], y[5]}) * base.rotation};
+            return Pose<double>{base.position + Vec3<double>{y[0], y[1], y[2]},
+                                rotation_step(Vec3<double>{y[3], y[4], y[5]}) * base.rotation};
         };
         auto terms_at = [&](const Numbers& y) {
             const Pose<double> p = moved(y);
-            return bone_spring(node + Vec3<double>{y[6], y[7], y[8]}, p.position, rotation_matrix(p.rotation) * r, 5.0, true);
+            return bone_spring(node + Vec3<double>{y[6], y[7], y[8]}, p.position, rotation_matrix(p.rotation) * r, 5.0,
+                               true);
         };
         auto coupling = [&](const Numbers& y) { return pose_spring(spring, moved(y)).energy; };
         auto bone = [&](const Numbers& y) { return terms_at(y).energy; };
@@ -200,7 +215,11 @@ TEST(Derivatives, CouplingAndBoneSprings) {
                 // Second differences along rotations, which do not commute: the symmetric second derivative.
                 auto second = [&](auto f, std::size_t p, std::size_t q) {
                     const double h = 1e-4;
-                    auto at = [&](double s, double u) { Numbers y = zero; y[p] += s, y[q] += u; return f(y); };
+                    auto at = [&](double s, double u) {
+                        Numbers y = zero;
+                        y[p] += s, y[q] += u;
+                        return f(y);
+                    };
                     return (at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4 * h * h);
                 };
                 EXPECT_NEAR(second(coupling, 3 + k, 3 + std::size_t(j)), i == j ? t.angular_curvature : 0, 1e-5);

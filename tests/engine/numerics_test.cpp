@@ -24,7 +24,8 @@ Eigen::Matrix3d eigen(const Mat3<double>& m) {
 
 void check_svd(const Mat3<double>& F) {
     const auto svd = signed_svd(F);
-    const Eigen::Matrix3d U = eigen(svd.U), V = eigen(svd.V), S = Eigen::Vector3d(svd.sigma.x, svd.sigma.y, svd.sigma.z).asDiagonal();
+    const Eigen::Matrix3d U = eigen(svd.U), V = eigen(svd.V),
+                          S = Eigen::Vector3d(svd.sigma.x, svd.sigma.y, svd.sigma.z).asDiagonal();
     const double size = eigen(F).norm() + 1e-300;
     EXPECT_LT((U.transpose() * U - Eigen::Matrix3d::Identity()).norm(), 1e-12);
     EXPECT_LT((V.transpose() * V - Eigen::Matrix3d::Identity()).norm(), 1e-12);
@@ -47,7 +48,16 @@ TEST(Svd, DegenerateMatrices) {
     check_svd(-1.0 * Mat3<double>::identity());
     for (int i = 0; i < 2000; ++i) {
         const auto a = signed_svd(random_matrix(random));
-        for (Vec3<double> s : {Vec3<double>{1, 1, 1}, {1, 1, -1}, {2, 1, 1}, {2, 2, 1}, {1, 0, 0}, {1, 1, 0}, {1, 1e-6, 1e-12}, {1e6, 1, 1e-6}, {1e-150, 1e-151, 0}, {1e150, 1, -1}})
+        for (Vec3<double> s : {Vec3<double>{1, 1, 1},
+                               {1, 1, -1},
+                               {2, 1, 1},
+                               {2, 2, 1},
+                               {1, 0, 0},
+                               {1, 1, 0},
+                               {1, 1e-6, 1e-12},
+                               {1e6, 1, 1e-6},
+                               {1e-150, 1e-151, 0},
+                               {1e150, 1, -1}})
             check_svd(principal_to_matrix(a, s));
     }
 }
@@ -58,7 +68,8 @@ TEST(Svd, LanesAgreeWithScalarBitForBit) {
     for (int i = 0; i < 2000; ++i) {
         const Mat3<double> a = random_matrix(random), b = random_matrix(random);
         Mat3<R> both;
-        for (int k = 0; k < 9; ++k) set_lane(both.m[k / 3][k % 3], 0, a.m[k / 3][k % 3]), set_lane(both.m[k / 3][k % 3], 1, b.m[k / 3][k % 3]);
+        for (int k = 0; k < 9; ++k)
+            set_lane(both.m[k / 3][k % 3], 0, a.m[k / 3][k % 3]), set_lane(both.m[k / 3][k % 3], 1, b.m[k / 3][k % 3]);
         const auto lanes = signed_svd(both);
         const auto sa = signed_svd(a), sb = signed_svd(b);
         for (int k = 0; k < 3; ++k) {

@@ -126,7 +126,8 @@ TEST(Physics, UnforcedEnergyNeverRises) {
 }
 
 /// Presses the block on a plane with the coupling's target `depth` below the touch.
-SkinChunk<double> pressed(double depth, double dt, const ChunkOptions& options, int steps, double friction = 0, double slide = 0) {
+SkinChunk<double> pressed(double depth, double dt, const ChunkOptions& options, int steps, double friction = 0,
+                          double slide = 0) {
     Pose<double> bone = Pose<double>::identity();
     bone.position.z = 0.0061;
     auto chunk = make_chunk<double>(block_mesh(4, 3, 3, 0.004), bone, options);
@@ -168,7 +169,8 @@ TEST(Physics, ContactForceEqualsTheCouplingsAtRest) {
     EXPECT_NEAR(chunk.status[0].contact_force_N, coupling, 1e-6 * coupling);
     // Complementarity: force only where the gap is closed.
     for (std::size_t s = 0; s < chunk.topology->samples.size(); ++s) {
-        const double gap = chunk.state.position[3 * chunk.topology->samples[s] + 2], force = chunk.state.normal_multiplier[s];
+        const double gap = chunk.state.position[3 * chunk.topology->samples[s] + 2],
+                     force = chunk.state.normal_multiplier[s];
         EXPECT_GE(force, 0);
         EXPECT_LE(force * std::abs(gap), 1e-8);
     }
@@ -203,7 +205,8 @@ TEST(Physics, RecoversFromScrambledStates) {
         for (double& x : chunk.state.position) x = trial == 0 ? 0 : 0.01 * n(random);
         for (int i = 0; i < 200; ++i) solve_skin(chunk, SolverSettings{});
         for (int i = 0; i < chunk.topology->node_count; ++i)
-            for (int d = 0; d < 3; ++d) EXPECT_NEAR(chunk.state.position[3 * i + d], mesh.nodes[i][d], 1e-6) << "trial " << trial;
+            for (int d = 0; d < 3; ++d)
+                EXPECT_NEAR(chunk.state.position[3 * i + d], mesh.nodes[i][d], 1e-6) << "trial " << trial;
     }
 }
 
@@ -229,9 +232,7 @@ TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
     const auto clean = run(false), poisoned = run(true);
     for (std::size_t i = 0; i < clean.state.position.size(); ++i) {
         EXPECT_TRUE(std::isfinite(poisoned.state.position[i]));
-        if (i % 4 != 2) {
-            EXPECT_EQ(clean.state.position[i], poisoned.state.position[i]) << "position " << i;
-        }
+        if (i % 4 != 2) { EXPECT_EQ(clean.state.position[i], poisoned.state.position[i]) << "position " << i; }
     }
 }
 
@@ -260,7 +261,8 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
         return chunk;
     };
     const auto alone = run(1), beside = run(3);
-    for (std::size_t i = 0; i < alone.state.position.size(); i += 4) EXPECT_EQ(alone.state.position[i], beside.state.position[i]);
+    for (std::size_t i = 0; i < alone.state.position.size(); i += 4)
+        EXPECT_EQ(alone.state.position[i], beside.state.position[i]);
     EXPECT_EQ(alone.status[0].newton_iterations, beside.status[0].newton_iterations);
 }
 

@@ -25,7 +25,9 @@ void* operator new(std::size_t size) {
 }
 void* operator new(std::size_t size, std::align_val_t alignment) {
     ++allocations;
-    if (void* p = std::aligned_alloc(std::size_t(alignment), (size + std::size_t(alignment) - 1) / std::size_t(alignment) * std::size_t(alignment))) return p;
+    if (void* p = std::aligned_alloc(std::size_t(alignment), (size + std::size_t(alignment) - 1) /
+                                                                 std::size_t(alignment) * std::size_t(alignment)))
+        return p;
     throw std::bad_alloc();
 }
 void operator delete(void* p) noexcept { std::free(p); }
@@ -56,7 +58,8 @@ SceneSpec scene_of(int fingers, bool device, double friction = 0.4) {
         }
     }
     spec.objects.push_back({"table", {}, Pose<double>::identity(), friction});
-    spec.objects.push_back({"ball", {ShapeKind::sphere, {0.01, 0, 0}}, {{0.0, 0.0, -0.0095}, Quaternion<double>::identity()}, friction});
+    spec.objects.push_back(
+        {"ball", {ShapeKind::sphere, {0.01, 0, 0}}, {{0.0, 0.0, -0.0095}, Quaternion<double>::identity()}, friction});
     return spec;
 }
 
@@ -84,7 +87,8 @@ TEST(Step, SameBitsForAnyNumberOfThreads) {
     }
     auto compare = [](const char* array, const auto& a, const auto& b) {
         ASSERT_EQ(a.size(), b.size());
-        for (std::size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], b[i]) << array << "[" << i << "] depends on the number of threads";
+        for (std::size_t i = 0; i < a.size(); ++i)
+            ASSERT_EQ(a[i], b[i]) << array << "[" << i << "] depends on the number of threads";
     };
     double force = 0;
     for (const ContactSurface& c : worlds[0].contact_surfaces) force += c.normal_force;
@@ -93,11 +97,14 @@ TEST(Step, SameBitsForAnyNumberOfThreads) {
         for (std::size_t c = 0; c < worlds[0].double_chunks.size(); ++c) {
             compare("position", worlds[0].double_chunks[c].state.position, worlds[w].double_chunks[c].state.position);
             compare("velocity", worlds[0].double_chunks[c].state.velocity, worlds[w].double_chunks[c].state.velocity);
-            compare("normal_multiplier", worlds[0].double_chunks[c].state.normal_multiplier, worlds[w].double_chunks[c].state.normal_multiplier);
-            compare("tangential_multiplier", worlds[0].double_chunks[c].state.tangential_multiplier, worlds[w].double_chunks[c].state.tangential_multiplier);
+            compare("normal_multiplier", worlds[0].double_chunks[c].state.normal_multiplier,
+                    worlds[w].double_chunks[c].state.normal_multiplier);
+            compare("tangential_multiplier", worlds[0].double_chunks[c].state.tangential_multiplier,
+                    worlds[w].double_chunks[c].state.tangential_multiplier);
         }
         for (std::size_t t = 0; t < worlds[0].matchings.size(); ++t)
-            EXPECT_EQ(worlds[0].matchings[t].result.w, worlds[w].matchings[t].result.w) << "configuration of thimble " << t;
+            EXPECT_EQ(worlds[0].matchings[t].result.w, worlds[w].matchings[t].result.w)
+                << "configuration of thimble " << t;
     }
 }
 
@@ -214,7 +221,8 @@ TEST(Trackers, ATeleportIsSlowedDown) {
     t.incoming.time = world.time;
     const Vec3<double> before = world.couplings[0].target.position;
     step(world, arena);
-    EXPECT_LE(norm(world.couplings[0].target.position - before), world.couplings[0].max_speed * world.solver.dt * (1 + 1e-12));
+    EXPECT_LE(norm(world.couplings[0].target.position - before),
+              world.couplings[0].max_speed * world.solver.dt * (1 + 1e-12));
     EXPECT_EQ(world.couplings[0].slowed, 1);
 }
 

@@ -17,8 +17,10 @@ namespace {
 using testing::ScratchFolder;
 
 /// A cube of 20 mm as twelve triangles, in OBJ text with millimetres.
-const char* const cube_vertices = "v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 0\nv 0 0 20\nv 20 0 20\nv 20 20 20\nv 0 20 20\n";
-const char* const cube_faces = "f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
+const char* const cube_vertices =
+    "v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 0\nv 0 0 20\nv 20 0 20\nv 20 20 20\nv 0 20 20\n";
+const char* const cube_faces =
+    "f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
 
 class SurfaceFiles : public ::testing::Test {
   protected:
@@ -32,9 +34,7 @@ class SurfaceFiles : public ::testing::Test {
         try {
             read_surface(write(name, text), unit);
             return "";
-        } catch (const InputError& error) {
-            return error.what();
-        }
+        } catch (const InputError& error) { return error.what(); }
     }
     ScratchFolder scratch_;
 };
@@ -57,7 +57,8 @@ TEST_F(SurfaceFiles, BadObjIsRefused) {
     EXPECT_REFUSED(refusal("cut.obj", std::string(cube_vertices) + "f 1 3\n"), "truncated");
     std::string open(cube_faces);
     EXPECT_REFUSED(refusal("open.obj", std::string(cube_vertices) + open.substr(open.find('\n') + 1)), "open");
-    EXPECT_REFUSED(refusal("crowded.obj", std::string(cube_vertices) + "v 10 10 40\n" + cube_faces + "f 1 3 9\n"), "non-manifold");
+    EXPECT_REFUSED(refusal("crowded.obj", std::string(cube_vertices) + "v 10 10 40\n" + cube_faces + "f 1 3 9\n"),
+                   "non-manifold");
     EXPECT_REFUSED(refusal("huge.obj", std::string(cube_vertices) + cube_faces, "m"), "unit");
     EXPECT_REFUSED(refusal("unit.obj", std::string(cube_vertices) + cube_faces, "inch"), "unknown unit");
     EXPECT_THROW(read_surface(scratch_.path / "absent.obj"), InputError);
@@ -66,7 +67,8 @@ TEST_F(SurfaceFiles, BadObjIsRefused) {
 
 TEST_F(SurfaceFiles, InvertedAndCrossingSurfacesAreRefused) {
     std::string inward;
-    for (const char* face : {"f 1 2 3", "f 1 3 4", "f 5 7 6", "f 5 8 7", "f 1 6 2", "f 1 5 6", "f 2 7 3", "f 2 6 7", "f 3 8 4", "f 3 7 8", "f 4 5 1", "f 4 8 5"})
+    for (const char* face : {"f 1 2 3", "f 1 3 4", "f 5 7 6", "f 5 8 7", "f 1 6 2", "f 1 5 6", "f 2 7 3", "f 2 6 7",
+                             "f 3 8 4", "f 3 7 8", "f 4 5 1", "f 4 8 5"})
         inward += std::string(face) + "\n";
     EXPECT_REFUSED(refusal("inward.obj", std::string(cube_vertices) + inward), "inside out");
     // The top corner pushed through the bottom.
@@ -74,7 +76,9 @@ TEST_F(SurfaceFiles, InvertedAndCrossingSurfacesAreRefused) {
     crossed.replace(crossed.find("v 20 20 20"), 10, "v 5 5 -20");
     EXPECT_REFUSED(refusal("crossed.obj", crossed + cube_faces), "intersects itself");
     std::string two(cube_vertices);
-    EXPECT_REFUSED(refusal("parts.obj", two + "v 30 0 0\nv 40 0 0\nv 30 10 0\nv 30 0 10\n" + cube_faces + "f 9 11 10\nf 9 10 12\nf 9 12 11\nf 10 11 12\n"), "2 separate parts");
+    EXPECT_REFUSED(refusal("parts.obj", two + "v 30 0 0\nv 40 0 0\nv 30 10 0\nv 30 0 10\n" + cube_faces +
+                                            "f 9 11 10\nf 9 10 12\nf 9 12 11\nf 10 11 12\n"),
+                   "2 separate parts");
 }
 
 TEST_F(SurfaceFiles, TruncatedBinaryAndHeadersThatLieAreRefused) {
@@ -83,11 +87,15 @@ TEST_F(SurfaceFiles, TruncatedBinaryAndHeadersThatLieAreRefused) {
     EXPECT_REFUSED(refusal("cut.stl", stl + std::string(100, '\0')), "truncated");
     EXPECT_REFUSED(refusal("ascii.stl", "solid x\nfacet normal 0 0 1\n"), "endsolid");
     EXPECT_REFUSED(refusal("liar.off", "OFF\n900000000 900000000 0\n0 0 0\n"), "truncated");
-    EXPECT_REFUSED(refusal("liar.ply", "ply\nformat ascii 1.0\nelement vertex 1000000\nelement face 1000000\nend_header\n"), "truncated");
+    EXPECT_REFUSED(
+        refusal("liar.ply", "ply\nformat ascii 1.0\nelement vertex 1000000\nelement face 1000000\nend_header\n"),
+        "truncated");
     EXPECT_REFUSED(refusal("not.off", "FFO\n1 1 0\n"), "expected 'OFF'");
     // The passing twin: a cube in OFF.
     std::string off = "OFF\n8 12 0\n0 0 0\n20 0 0\n20 20 0\n0 20 0\n0 0 20\n20 0 20\n20 20 20\n0 20 20\n";
-    for (const char* f : {"0 2 1", "0 3 2", "4 5 6", "4 6 7", "0 1 5", "0 5 4", "1 2 6", "1 6 5", "2 3 7", "2 7 6", "3 0 4", "3 4 7"}) off += std::string("3 ") + f + "\n";
+    for (const char* f :
+         {"0 2 1", "0 3 2", "4 5 6", "4 6 7", "0 1 5", "0 5 4", "1 2 6", "1 6 5", "2 3 7", "2 7 6", "3 0 4", "3 4 7"})
+        off += std::string("3 ") + f + "\n";
     EXPECT_EQ(refusal("cube.off", off), "");
     EXPECT_NE(refusal("cut.off", off.substr(0, off.size() - 30)), "");
 }
@@ -139,9 +147,7 @@ TEST(Tetgen, AHostileSurfaceOrATimeLimitIsAMessage) {
     try {
         run_tetgen(finger, "pYq1.1a1e-15", {.time_limit_s = 0.3});
         FAIL() << "a tetrahedralisation of millions of elements in 0.3 s";
-    } catch (const InputError& error) {
-        EXPECT_NE(std::string(error.what()).find("TetGen"), std::string::npos);
-    }
+    } catch (const InputError& error) { EXPECT_NE(std::string(error.what()).find("TetGen"), std::string::npos); }
     EXPECT_GT(run_tetgen(remesh(TriangleTree(finger), 0.004), "pY", {}).tets.size(), 50u);  // and works again
 }
 
@@ -160,8 +166,12 @@ TEST(TetFiles, VtuRoundTrip) {
 
 TEST(TetFiles, TetgenAndGmsh) {
     ScratchFolder scratch;
-    auto write = [&](const char* name, const std::string& text) { std::ofstream(scratch.path / name) << text; return scratch.path / name; };
-    const std::string nodes = "5 3 0 0\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n5 10 10 10\n", tets = "2 4 0\n1 1 2 3 4\n2 2 3 4 5 \n";
+    auto write = [&](const char* name, const std::string& text) {
+        std::ofstream(scratch.path / name) << text;
+        return scratch.path / name;
+    };
+    const std::string nodes = "5 3 0 0\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n5 10 10 10\n",
+                      tets = "2 4 0\n1 1 2 3 4\n2 2 3 4 5 \n";
     write("a.node", nodes);
     write("a.ele", tets);
     EXPECT_EQ(read_tet_mesh(scratch.path / "a.node", "mm").tets.size(), 2u);
@@ -172,11 +182,16 @@ TEST(TetFiles, TetgenAndGmsh) {
     } catch (const InputError& error) {
         EXPECT_NE(std::string(error.what()).find("is inverted"), std::string::npos) << error.what();
     }
-    const std::string msh2 = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 10\n$EndNodes\n$Elements\n2\n1 2 2 1 1 1 2 3\n2 4 2 1 1 1 2 3 4\n$EndElements\n";
+    const std::string msh2 =
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 0 0 "
+        "10\n$EndNodes\n$Elements\n2\n1 2 2 1 1 1 2 3\n2 4 2 1 1 1 2 3 4\n$EndElements\n";
     EXPECT_EQ(read_tet_mesh(write("b.msh", msh2), "mm").tets.size(), 1u);
-    const std::string msh4 = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 1 4\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n10 0 0\n0 10 0\n0 0 10\n$EndNodes\n$Elements\n1 1 1 1\n3 1 4 1\n1 1 2 3 4\n$EndElements\n";
+    const std::string msh4 =
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 1 4\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n10 0 0\n0 10 0\n0 0 "
+        "10\n$EndNodes\n$Elements\n1 1 1 1\n3 1 4 1\n1 1 2 3 4\n$EndElements\n";
     EXPECT_EQ(read_tet_mesh(write("c.msh", msh4), "mm").tets.size(), 1u);
-    for (const std::string& bad : {msh2.substr(0, 90), std::string("$Nodes\n"), std::string("")}) EXPECT_THROW(read_tet_mesh(write("bad.msh", bad), "mm"), InputError);
+    for (const std::string& bad : {msh2.substr(0, 90), std::string("$Nodes\n"), std::string("")})
+        EXPECT_THROW(read_tet_mesh(write("bad.msh", bad), "mm"), InputError);
     EXPECT_THROW(read_tet_mesh(write("d.msh", msh2), "m"), InputError);  // 10 m large
     std::string flat = msh2;
     flat.replace(flat.find("4 0 0 10"), 8, "4 5 5 00");

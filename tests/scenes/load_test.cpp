@@ -31,9 +31,7 @@ class SceneFiles : public ::testing::Test {
         try {
             load_scene(path, overrides);
             return "";
-        } catch (const InputError& error) {
-            return error.what();
-        }
+        } catch (const InputError& error) { return error.what(); }
     }
     static std::string replaced(std::string text, const std::string& from, const std::string& to) {
         text.replace(text.find(from), from.size(), to);
@@ -49,7 +47,8 @@ TEST_F(SceneFiles, TheGoodTwinLoads) { EXPECT_EQ(refusal(good), ""); }
 TEST_F(SceneFiles, SyntaxTypesAndUnknownKeys) {
     EXPECT_SAYS(refusal("title = \n"), ":1:");
     EXPECT_SAYS(refusal(replaced(good, "duration_s", "duratoin_s")), "did you mean 'duration_s'?");
-    EXPECT_SAYS(refusal(replaced(good, "elements = 100", "elements = \"many\"")), "finger[0].elements: expected a whole number");
+    EXPECT_SAYS(refusal(replaced(good, "elements = 100", "elements = \"many\"")),
+                "finger[0].elements: expected a whole number");
     EXPECT_SAYS(refusal(replaced(good, "elements = 100", "elements = \"many\"")), "scene.toml:9:");
     EXPECT_SAYS(refusal(replaced(good, "elements = 100", "elements = 3")), "from 20");
     EXPECT_SAYS(refusal(replaced(good, "[0, 0, 9]", "[0, 9]")), "three numbers");
@@ -57,7 +56,8 @@ TEST_F(SceneFiles, SyntaxTypesAndUnknownKeys) {
     EXPECT_SAYS(refusal(replaced(good, "[0, 0, 9]", "[0, 0, 9e9]")), "of at most");
     EXPECT_SAYS(refusal(replaced(good, "duration_s = 0.1", "duration_s = inf")), "expected a number");
     EXPECT_SAYS(refusal(replaced(good, "duration_s = 0.1", "duration_s = -1")), "found -1");
-    EXPECT_SAYS(refusal(replaced(good, "kind = \"plane\"", "kind = \"torus\"")), "plane, box, sphere, capsule, cylinder");
+    EXPECT_SAYS(refusal(replaced(good, "kind = \"plane\"", "kind = \"torus\"")),
+                "plane, box, sphere, capsule, cylinder");
     EXPECT_SAYS(refusal(replaced(good, "kind = \"plane\"", "kind = \"sphere\"")), "a sphere needs it");
     EXPECT_SAYS(refusal(replaced(good, "[[finger]]", "[[fingre]]")), "at least one");
     EXPECT_SAYS(refusal(replaced(good, "chinello-3rrs", "stewart")), "chinello-3rrs");
@@ -65,11 +65,14 @@ TEST_F(SceneFiles, SyntaxTypesAndUnknownKeys) {
     EXPECT_SAYS(refusal(good + "limits = { low = 1.2 }\n"), "low");
     EXPECT_SAYS(refusal(good + "follow = \"index\"\n"), "no [recording]");
     EXPECT_SAYS(refusal(replaced(good, "name = \"index\"", "name = \"a/b\"")), "no slashes");
-    EXPECT_SAYS(refusal(replaced(good, "{ kind = \"chinello-3rrs\" }", "{ kind = \"chinello-3rrs\", joint_min_deg = 20, joint_max_deg = 10 }")), "below the upper");
+    EXPECT_SAYS(refusal(replaced(good, "{ kind = \"chinello-3rrs\" }",
+                                 "{ kind = \"chinello-3rrs\", joint_min_deg = 20, joint_max_deg = 10 }")),
+                "below the upper");
 }
 
 TEST_F(SceneFiles, AllProblemsInOnePass) {
-    const std::string message = refusal(replaced(replaced(replaced(good, "elements = 100", "elements = 1"), "kind = \"plane\"", "kind = 3"), "title", "titel"));
+    const std::string message = refusal(replaced(
+        replaced(replaced(good, "elements = 100", "elements = 1"), "kind = \"plane\"", "kind = 3"), "title", "titel"));
     EXPECT_SAYS(message, "elements");
     EXPECT_SAYS(message, "object[0].kind");
     EXPECT_SAYS(message, "titel");
@@ -78,8 +81,10 @@ TEST_F(SceneFiles, AllProblemsInOnePass) {
 
 TEST_F(SceneFiles, MissingFiles) {
     EXPECT_THROW(load_scene(scratch_.path / "absent.toml"), InputError);
-    EXPECT_SAYS(refusal(replaced(good, "shape = { finger = \"index\" }", "mesh = { surface = \"absent.obj\" }")), "no such file");
-    EXPECT_SAYS(refusal(replaced(good, "shape = { finger = \"index\" }", "mesh = { tets = \"absent.msh\" }")), "no such file");
+    EXPECT_SAYS(refusal(replaced(good, "shape = { finger = \"index\" }", "mesh = { surface = \"absent.obj\" }")),
+                "no such file");
+    EXPECT_SAYS(refusal(replaced(good, "shape = { finger = \"index\" }", "mesh = { tets = \"absent.msh\" }")),
+                "no such file");
     EXPECT_SAYS(refusal(good + "[recording]\nfile = \"absent.jsonl\"\n"), "no such file");
     EXPECT_SAYS(refusal(replaced(good, "shape = { finger = \"index\" }", "mesh = { }")), "either surface");
 }
@@ -87,7 +92,8 @@ TEST_F(SceneFiles, MissingFiles) {
 TEST_F(SceneFiles, Overrides) {
     const auto path = scratch_.path / "scene.toml";
     std::ofstream(path) << good;
-    const Scene scene = load_scene(path, {"finger.index.material.young_kPa=44", "solver.newton_iterations=3", "title=changed", "object.0.friction=0.2"});
+    const Scene scene = load_scene(path, {"finger.index.material.young_kPa=44", "solver.newton_iterations=3",
+                                          "title=changed", "object.0.friction=0.2"});
     EXPECT_EQ(scene.spec.fingers[0].young_modulus, 44e3);
     EXPECT_EQ(scene.spec.solver.newton_iterations, 3);
     EXPECT_EQ(scene.title, "changed");
@@ -108,24 +114,30 @@ TEST_F(SceneFiles, FingersOfOneShapeFamilyShareAMesh) {
 TEST_F(SceneFiles, JsonLinesRecording) {
     auto line = [](double t, double z, bool valid) {
         std::string joints;
-        for (int j = 0; j < 26; ++j) joints += std::string(j ? "," : "") + "[" + std::to_string(0.01 * j) + "," + std::to_string(z) + ",0,0,0,0,1,0.008]";
-        return "{\"t\":" + std::to_string(t) + ",\"hand\":\"right\",\"valid\":" + (valid ? "true" : "false") + ",\"joints\":[" + joints + "]}\n";
+        for (int j = 0; j < 26; ++j)
+            joints += std::string(j ? "," : "") + "[" + std::to_string(0.01 * j) + "," + std::to_string(z) +
+                      ",0,0,0,0,1,0.008]";
+        return "{\"t\":" + std::to_string(t) + ",\"hand\":\"right\",\"valid\":" + (valid ? "true" : "false") +
+               ",\"joints\":[" + joints + "]}\n";
     };
     const std::string header = "{\"units\":\"m\",\"up\":\"y\"}\n";
     const auto path = scratch_.path / "hand.jsonl";
-    std::ofstream(path) << header << line(10, 0.10, true) << line(10.05, 0.12, true) << line(10.1, 0.14, false) << line(10.3, 0.14, true) << line(10.35, 0.14, true);
+    std::ofstream(path) << header << line(10, 0.10, true) << line(10.05, 0.12, true) << line(10.1, 0.14, false)
+                        << line(10.3, 0.14, true) << line(10.35, 0.14, true);
     const HandRecording r = read_hand_recording(path, "right");
     ASSERT_EQ(r.frames.size(), 5u);
     EXPECT_NEAR(sample_recording(r, 1, 0.025).pose.position.z, 0.11, 1e-12);  // y up became z up
     EXPECT_TRUE(sample_recording(r, 1, 0.025).valid);
-    EXPECT_FALSE(sample_recording(r, 1, 0.09).valid);   // marked invalid
-    EXPECT_FALSE(sample_recording(r, 1, 0.2).valid);    // gap
-    EXPECT_FALSE(sample_recording(r, 1, 5).valid);      // past the end
+    EXPECT_FALSE(sample_recording(r, 1, 0.09).valid);  // marked invalid
+    EXPECT_FALSE(sample_recording(r, 1, 0.2).valid);   // gap
+    EXPECT_FALSE(sample_recording(r, 1, 5).valid);     // past the end
     // Fingers point along -z of the joint: distal is +y of the upright world.
     const Mat3<double> R = rotation_matrix(sample_recording(r, 1, 0.0).pose.rotation);
     EXPECT_NEAR(R[1][0], 1, 1e-9);
     EXPECT_NEAR(R[2][2], 1, 1e-9);
-    for (const std::string& bad : {header + line(1, 0, true), header + "{\"t\":1,\"joints\":[1]}\n", header + line(2, 0, true) + line(1, 0, true), header + line(1, 0, true) + "{\"t\": 2, \"joi"}) {
+    for (const std::string& bad :
+         {header + line(1, 0, true), header + "{\"t\":1,\"joints\":[1]}\n",
+          header + line(2, 0, true) + line(1, 0, true), header + line(1, 0, true) + "{\"t\": 2, \"joi"}) {
         std::ofstream(path) << bad;
         EXPECT_THROW(read_hand_recording(path, "right"), InputError);
     }

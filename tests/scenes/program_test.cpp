@@ -41,7 +41,8 @@ TEST(Program, RunWritesEverythingItPromises) {
     EXPECT_GT(j["fingers"][0]["peak_force_N"].get<double>(), 0.1);
     EXPECT_EQ(j["fingers"][0]["converged_share"].get<double>(), 1);
     EXPECT_LE(j["fingers"][0]["worst_penetration_um"].get<double>(), 2);
-    for (const char* file : {"index.csv", "index.vtu", "steps.csv", "plots.svg", "picture.svg", "summary.json", "summary.txt"})
+    for (const char* file :
+         {"index.csv", "index.vtu", "steps.csv", "plots.svg", "picture.svg", "summary.json", "summary.txt"})
         EXPECT_GT(std::filesystem::file_size(out / file), 100u) << file;
     EXPECT_GT(read_tet_mesh(out / "index.vtu", "mm").tets.size(), 300u);
     std::ifstream csv(out / "index.csv");
@@ -53,12 +54,13 @@ TEST(Program, BadInputIsExitCodeTwoWithAMessageAndNoOutput) {
     const auto out = scratch.path / "out";
     const auto bad = scratch.path / "bad.toml";
     std::ofstream(bad) << "duration_s = \"long\"\n[[finger]]\nelments = 3\n";
-    for (const std::string& arguments : {"run " + bad.string() + " --out " + out.string(), "run absent.toml --out " + out.string(),
-                                         "run " + scenes + "press.toml --set dt_ms=1e9 --out " + out.string(), std::string("run"), std::string("fly"),
-                                         "mesh absent.obj --out " + out.string(), std::string("mesh toe"), std::string("device stewart"),
-                                         std::string("device chinello-3rrs --pose 1,2"), std::string("device chinello-3rrs --pose 1,x,3"),
-                                         std::string("device chinello-3rrs --pose 0,0,9999"), "compare " + bad.string() + " --out " + out.string(),
-                                         "explain " + bad.string(), "run " + scenes + "press.toml --threads 0"}) {
+    for (const std::string& arguments :
+         {"run " + bad.string() + " --out " + out.string(), "run absent.toml --out " + out.string(),
+          "run " + scenes + "press.toml --set dt_ms=1e9 --out " + out.string(), std::string("run"), std::string("fly"),
+          "mesh absent.obj --out " + out.string(), std::string("mesh toe"), std::string("device stewart"),
+          std::string("device chinello-3rrs --pose 1,2"), std::string("device chinello-3rrs --pose 1,x,3"),
+          std::string("device chinello-3rrs --pose 0,0,9999"), "compare " + bad.string() + " --out " + out.string(),
+          "explain " + bad.string(), "run " + scenes + "press.toml --threads 0"}) {
         const Outcome o = palpate_program(arguments);
         EXPECT_EQ(o.code, 2) << arguments << "\n" << o.out;
         EXPECT_GT(o.out.size(), 10u) << arguments;
@@ -87,7 +89,8 @@ TEST(Program, MeshReportsTheBuiltInFinger) {
     ASSERT_EQ(o.code, 0) << o.out;
     const auto j = nlohmann::json::parse(o.out);
     EXPECT_NEAR(j["elements"].get<double>(), 347, 35);
-    EXPECT_NEAR(j["volume_mm3"].get<double>(), j["surface_volume_mm3"].get<double>(), 1e-2 * j["surface_volume_mm3"].get<double>());
+    EXPECT_NEAR(j["volume_mm3"].get<double>(), j["surface_volume_mm3"].get<double>(),
+                1e-2 * j["surface_volume_mm3"].get<double>());
     EXPECT_GT(j["pad_nodes"].get<int>(), 20);
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "pad.vtu"));
 }
@@ -101,7 +104,8 @@ TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
 
 TEST(Program, InterruptedRunsEndInTheRestPoseWithResults) {
     ScratchFolder scratch;
-    const Outcome o = palpate_program("run " + scenes + "hand.toml --quiet --out " + (scratch.path / "out").string() + " & pid=$!; sleep 0.8; kill -INT $pid; wait $pid; exit $?");
+    const Outcome o = palpate_program("run " + scenes + "hand.toml --quiet --out " + (scratch.path / "out").string() +
+                                      " & pid=$!; sleep 0.8; kill -INT $pid; wait $pid; exit $?");
     EXPECT_EQ(o.code, 130) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "out" / "summary.json"));
 }
@@ -117,7 +121,8 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
         const Series& series = s.finger_series[i];
         double converged = 0;
         for (std::size_t r = 0; r < series.rows(); ++r) {
-            for (std::size_t c = 0; c < series.columns.size(); ++c) ASSERT_TRUE(std::isfinite(series.at(r, c))) << series.columns[c];
+            for (std::size_t c = 0; c < series.columns.size(); ++c)
+                ASSERT_TRUE(std::isfinite(series.at(r, c))) << series.columns[c];
             peak = std::max(peak, series.at(r, 1));
         }
         for (double c : series.column("converged")) converged += c;
@@ -128,7 +133,9 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
     EXPECT_GT(peak, 0.1);
     for (const auto& loop : s.loops) EXPECT_EQ(loop->status.stale, 0);
 }
-INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene, ::testing::Values("press", "edge", "ball", "roll", "hand", "recorded_hand"), [](const auto& i) { return i.param; });
+INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene,
+                         ::testing::Values("press", "edge", "ball", "roll", "hand", "recorded_hand"),
+                         [](const auto& i) { return i.param; });
 
 TEST(RealTime, PresetStaysCloseToTheReference) {
     auto forces = [](const std::vector<std::string>& overrides) {
@@ -141,7 +148,8 @@ TEST(RealTime, PresetStaysCloseToTheReference) {
     double error = 0, total = 0;
     for (std::size_t f = 0; f < reference.size(); ++f)
         for (std::size_t r = 0; r < reference[f].rows(); ++r) {
-            error += std::hypot(reference[f].at(r, 2) - fast[f].at(r, 2), reference[f].at(r, 3) - fast[f].at(r, 3), reference[f].at(r, 4) - fast[f].at(r, 4));
+            error += std::hypot(reference[f].at(r, 2) - fast[f].at(r, 2), reference[f].at(r, 3) - fast[f].at(r, 3),
+                                reference[f].at(r, 4) - fast[f].at(r, 4));
             total += reference[f].at(r, 1);
         }
     EXPECT_LT(error, 0.02 * total);
@@ -150,9 +158,12 @@ TEST(RealTime, PresetStaysCloseToTheReference) {
 /// A finger pressed on a table with a coupling that may pull with any force.
 Simulation heavy_press(const ScratchFolder& scratch, double depth_mm, double ramp_s) {
     const auto path = scratch.path / "heavy.toml";
-    std::ofstream(path) << "duration_s = " << ramp_s + 0.2 << "\n[limits]\nlow = 0.6\nhigh = 1.4\n[coupling]\nmax_force_N = 2000\nangular_stiffness_Nm_per_rad = 500\n"
-                        << "[[object]]\nkind = \"plane\"\n[[finger]]\nname = \"index\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 9] }, { t_s = " << ramp_s
-                        << ", position_mm = [0, 0, " << -depth_mm << "] } ]\n";
+    std::ofstream(path)
+        << "duration_s = " << ramp_s + 0.2
+        << "\n[limits]\nlow = 0.6\nhigh = 1.4\n[coupling]\nmax_force_N = 2000\nangular_stiffness_Nm_per_rad = 500\n"
+        << "[[object]]\nkind = \"plane\"\n[[finger]]\nname = \"index\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 9] "
+           "}, { t_s = "
+        << ramp_s << ", position_mm = [0, 0, " << -depth_mm << "] } ]\n";
     Simulation s = make_simulation(load_scene(path), 1);
     const std::atomic<bool> stop{false};
     run(s, stop, {});
@@ -194,7 +205,8 @@ TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
         for (int m = 0; m < 3; ++m) EXPECT_TRUE(row.converged[m]);
         if (row.virtual_force_N < 0.1) continue;
         if (row.roll_deg < limit - 1) {
-            for (int m = 0; m < 3; ++m) EXPECT_LT(row.error_N[m], 0.10 * row.virtual_force_N) << "roll " << row.roll_deg << " method " << m;
+            for (int m = 0; m < 3; ++m)
+                EXPECT_LT(row.error_N[m], 0.10 * row.virtual_force_N) << "roll " << row.roll_deg << " method " << m;
         } else if (row.roll_deg > 40) {
             for (int m = 0; m < 3; ++m) beyond[m] += row.error_N[m];
             last_total = row.virtual_force_N;
@@ -209,7 +221,12 @@ TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
 
 TEST(RealData, TheRecordedHandDrivesFiveFingersToItsEnd) {
     PALPATE_NEED_SHARED_DATA(data);
-    Simulation s = make_simulation(load_scene(scenes + "recorded_hand.toml", {"recording.file=\"" + std::filesystem::absolute(data / "tracking" / "pinch_57fps.csv").string() + "\"", "duration_s=2.3"}), 2);
+    Simulation s = make_simulation(
+        load_scene(
+            scenes + "recorded_hand.toml",
+            {"recording.file=\"" + std::filesystem::absolute(data / "tracking" / "pinch_57fps.csv").string() + "\"",
+             "duration_s=2.3"}),
+        2);
     ASSERT_NE(s.scene.recording, nullptr);
     EXPECT_GT(s.scene.recording->frames.size(), 100u);
     const std::atomic<bool> stop{false};
@@ -228,9 +245,12 @@ TEST(RealData, RealFingersPress) {
         for (int elements : {350, 2000}) {
             ScratchFolder scratch;
             const auto path = scratch.path / "real.toml";
-            std::ofstream(path) << "duration_s = 0.3\n[limits]\nlow = 0.6\nhigh = 1.4\n[[object]]\nkind = \"plane\"\n[[finger]]\nname = \"real\"\nelements = " << elements
-                                << "\nmesh = { surface = \"" << std::filesystem::absolute(data / "fingers" / name).string()
-                                << "\" }\ndevice = { kind = \"chinello-3rrs\" }\ntrack = [ { t_s = 0, position_mm = [0, 0, 9.5] }, { t_s = 0.3, position_mm = [0, 0, 6] } ]\n";
+            std::ofstream(path) << "duration_s = 0.3\n[limits]\nlow = 0.6\nhigh = 1.4\n[[object]]\nkind = "
+                                   "\"plane\"\n[[finger]]\nname = \"real\"\nelements = "
+                                << elements << "\nmesh = { surface = \""
+                                << std::filesystem::absolute(data / "fingers" / name).string()
+                                << "\" }\ndevice = { kind = \"chinello-3rrs\" }\ntrack = [ { t_s = 0, position_mm = "
+                                   "[0, 0, 9.5] }, { t_s = 0.3, position_mm = [0, 0, 6] } ]\n";
             Simulation s = make_simulation(load_scene(path), 2);
             const std::atomic<bool> stop{false};
             run(s, stop, {});
