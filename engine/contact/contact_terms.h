@@ -20,15 +20,15 @@ struct ContactTerms {
     Vec3<R> gradient;    ///< dE/dx [N]: minus the force on the sample
     Mat3<R> curvature;   ///< positive semidefinite; leaves out the curvature of the object's surface
     R normal_force;      ///< f_n = max(0, lambda_n - k g) [N]
-    Vec3<R> tangential;  ///< friction's dE/dx: min(|s|, radius) s/|s|, s = lambda_t + k slip [N]
+    Vec3<R> tangential;  ///< friction's dE/dx: min(|s|, radius) s/|s|, s = lambda_t + k_slip slip [N]
 };
 
 /// E = (max(0, lambda_n - k g)^2 - lambda_n^2) / 2k + friction: the contact is active by multiplier
 /// minus stiffness times the current gap, never by a predicted gap.
-/// Friction: E = (|s|^2 - max(0, |s| - r)^2) / 2k for the slip u_t of this step. Radius and tangent plane
+/// Friction: E = (|s|^2 - max(0, |s| - r)^2) / 2 k_slip for the slip u_t of this step. Radius and tangent plane
 /// are lagged: were they to follow x, friction would have no potential and line searches would stall.
 template <class R>
-inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<R>& slip, const R& k,
+inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<R>& slip, const R& k, const R& k_slip,
                                      const ContactState<R>& state, bool with_friction) {
     const R half(ScalarOf<R>(0.5));
     const R force = maximum(state.normal_multiplier - k * surface.distance, R(0));
@@ -44,19 +44,19 @@ inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<
     const Vec3<R>& n = state.friction_normal;
     const Vec3<R> slip_t = slip - dot(n, slip) * n;
     const Vec3<R> multiplier = state.tangential_multiplier - dot(n, state.tangential_multiplier) * n;
-    const Vec3<R> s = multiplier + k * slip_t;
+    const Vec3<R> s = multiplier + k_slip * slip_t;
     const R length = norm(s);
     const MaskOf<R> slides = length > state.friction_radius;
     const R safe = select(length > R(0), length, R(1));
     const R scale = select(slides, state.friction_radius / safe, R(1));
     const R over = select(slides, length - state.friction_radius, R(0));
-    t.energy += half / k * (length * length - over * over);
+    t.energy += half / k_slip * (length * length - over * over);
     t.tangential = scale * s;
     t.gradient += t.tangential;
     const Vec3<R> direction = (R(1) / safe) * s;
     const Mat3<R> tangent_plane = Mat3<R>::identity() - outer(n, n);
     t.curvature =
-        t.curvature + (k * scale) * (tangent_plane - select(slides, R(1), R(0)) * outer(direction, direction));
+        t.curvature + (k_slip * scale) * (tangent_plane - select(slides, R(1), R(0)) * outer(direction, direction));
     return t;
 }
 

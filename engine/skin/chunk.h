@@ -42,6 +42,7 @@ struct SkinRest {
     LaneArray<T> bone_arm;               ///< [bone node][xyz] seat in the bone frame [m]
     LaneArray<T> bone_stiffness;         ///< [bone node] [N/m]
     LaneArray<T> contact_penalty;        ///< [sample] [N/m]
+    LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
     LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
 };
 

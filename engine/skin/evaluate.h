@@ -252,8 +252,11 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
                 store_vec3<R>(&c.scratch.contact_normal[3 * i * W], surface.normal);
                 slip = x - carried(object.motion, load_vec3<R>(&c.scratch.start_position[3 * node * W]));
             }
-            const R k = load<R>(&c.rest.contact_penalty[s * W]) * scale;
-            const ContactTerms<R> terms = contact_terms(surface, slip, k, state, friction);
+            // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much
+            // stiffer than tissue; creep is not a matter of the penalty, its multiplier takes it away.
+            const R base = load<R>(&c.rest.contact_penalty[s * W]);
+            const R k = base * scale, k_slip = base * minimum(scale, R(16));
+            const ContactTerms<R> terms = contact_terms(surface, slip, k, k_slip, state, friction);
             const R change = terms.normal_force - state.normal_multiplier;
             out.energy += terms.energy;
             out.contact_force += terms.normal_force;

@@ -180,8 +180,24 @@ struct LaneProgress {
     R base_energy, slope, alpha;  ///< of the running line search
     R exactness;                  ///< share of exact curvature in the next Newton matrix
     R last_excess;                ///< violation over tolerance at the last multiplier update
+    R damping;  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
     R iterations{0}, updates{0}, backtracks{0};
 };
+
+/// Levenberg-Marquardt: a step that the line search had to shorten promised more than the potential held,
+/// mostly because elements turned too far for their linearised stretches, or because contacts and limits
+/// changed. The next one is damped by about the tissue's own stiffness, and less and less where steps fit.
+template <class R>
+inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    const MaskOf<R> stepped = lanes & (p.slope < R(0));
+    const R more = maximum(R(3) * p.damping, R(1)), less = R(T(0.2)) * p.damping;
+    p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
+    if (!any(lanes & (p.damping > R(0)))) return;
+    const Mat3<R> block = (p.damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
+    for (int i = 0; i < c.topology->node_count; ++i)
+        add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[i], block);
+}
 
 /// What the lanes do next; each active lane does exactly one of the three.
 template <class R>
@@ -239,14 +255,16 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
 }
 
 /// Multipliers that do not shrink a violation by four from one update to the next get a stiffer penalty.
+/// It must be free to grow: under 1000 N a penalty below about 500 times the base leaves the finger free to rock
+/// on it, and the multipliers then swing from one side to the other for ever.
 template <class R>
 inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s, const Evaluation<R>& e,
                                MaskOf<R> lanes, LaneProgress<R>& p) {
     using T = ScalarOf<R>;
     const R excess = maximum(e.violation * R(T(1 / s.limit_tolerance)), e.penetration * R(T(1 / s.contact_tolerance)));
     const R scale = load<R>(c.state.penalty_scale.data());
-    const MaskOf<R> slow = lanes & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(T(200)));
-    store<R>(c.state.penalty_scale.data(), select(slow, R(2) * scale, scale));
+    const MaskOf<R> slow = lanes & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(T(4000)));
+    store<R>(c.state.penalty_scale.data(), select(slow, R(8) * scale, scale));
     p.last_excess = select(lanes, excess, p.last_excess);
 }
 
@@ -279,7 +297,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     p.converged = p.failed = mask_from_bits<R>(0);
     p.exactness = R(0);
     p.base_energy = p.last_excess = R(std::numeric_limits<T>::max());
-    p.slope = p.alpha = R(0);
+    p.slope = p.alpha = p.damping = R(0);
     detail::keep_base<R>(c, p.active);
     Evaluation<R> e;
     while (true) {
@@ -301,6 +319,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         }
         if (any(d.newton)) {
             R bad_pivots;
+            detail::damp(c, d.newton, p);
             const R slope = detail::newton_direction<R>(c, d.newton, bad_pivots);
             // An indefinite matrix gives no direction: stay, and evaluate again with less exact curvature.
             const MaskOf<R> unusable = d.newton & (p.exactness > R(0)) & ((bad_pivots > R(0)) | (slope >= R(0)));

@@ -155,15 +155,14 @@ TEST(RealTime, PresetStaysCloseToTheReference) {
     EXPECT_LT(error, 0.02 * total);
 }
 
-/// A finger pressed on a table with a coupling that may pull with any force.
-Simulation heavy_press(const ScratchFolder& scratch, double depth_mm, double ramp_s) {
+/// A finger pressed on a table with a coupling that may pull with 2000 N.
+Simulation heavy_press(const ScratchFolder& scratch, double depth_mm, double friction) {
     const auto path = scratch.path / "heavy.toml";
-    std::ofstream(path)
-        << "duration_s = " << ramp_s + 0.2
-        << "\n[limits]\nlow = 0.6\nhigh = 1.4\n[coupling]\nmax_force_N = 2000\nangular_stiffness_Nm_per_rad = 500\n"
-        << "[[object]]\nkind = \"plane\"\n[[finger]]\nname = \"index\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 9] "
-           "}, { t_s = "
-        << ramp_s << ", position_mm = [0, 0, " << -depth_mm << "] } ]\n";
+    std::ofstream(path) << "duration_s = 0.8\n[limits]\nlow = 0.6\nhigh = 1.4\n[coupling]\nmax_force_N = 2000\n"
+                        << "[[object]]\nkind = \"plane\"\nfriction = " << friction
+                        << "\n[[finger]]\nname = \"index\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 9] "
+                           "}, { t_s = 0.6, position_mm = [0, 0, "
+                        << -depth_mm << "] } ]\n";
     Simulation s = make_simulation(load_scene(path), 1);
     const std::atomic<bool> stop{false};
     run(s, stop, {});
@@ -172,22 +171,29 @@ Simulation heavy_press(const ScratchFolder& scratch, double depth_mm, double ram
 
 TEST(HeavyLoads, TheFingersStrainLimitsHold) {
     ScratchFolder scratch;
-    for (double depth : {1.0, 50.0}) {  // 12 N and 108 N, in 0.6 s
-        const Simulation s = heavy_press(scratch, depth, 0.6);
-        EXPECT_GT(s.world.contact_surfaces[0].normal_force, 1.9 * depth + 5);
+    for (double depth : {1.0, 50.0, 500.0}) {  // 12 N, 108 N and 1000 N, in 0.6 s
+        const Simulation s = heavy_press(scratch, depth, 0);
+        const double force = s.world.contact_surfaces[0].normal_force;
+        EXPECT_GT(force, 1.98 * depth);
+        EXPECT_NEAR(force, s.world.couplings[0].force_N, 1e-3 * force);
+        for (double v : s.finger_series[0].column("limit_violation")) EXPECT_LE(v, 1e-3) << force << " N";
         double converged = 0;
-        for (double v : s.finger_series[0].column("limit_violation")) EXPECT_LE(v, 1e-3);
-        for (double p : s.finger_series[0].column("penetration_um")) EXPECT_LE(p, 2);
         for (double c : s.finger_series[0].column("converged")) converged += c;
-        EXPECT_GE(converged / double(s.finger_series[0].rows()), 0.98);
+        EXPECT_GE(converged / double(s.finger_series[0].rows()), 0.97) << force << " N";
+        EXPECT_EQ(s.finger_resets[0], 0);
     }
-    // 1000 N: while the force rises, single steps end before they have converged; at rest the limits hold.
-    const Simulation s = heavy_press(scratch, 500, 1.0);
-    const double force = s.world.contact_surfaces[0].normal_force;
-    EXPECT_GT(force, 990);
-    EXPECT_NEAR(force, s.world.couplings[0].force_N, 1e-3 * force);
+}
+
+TEST(HeavyLoads, TheyHoldWithFrictionToo) {
+    ScratchFolder scratch;
+    const Simulation s = heavy_press(scratch, 500, 0.8);
+    EXPECT_GT(s.world.contact_surfaces[0].normal_force, 990);
+    double converged = 0;
+    for (double v : s.finger_series[0].column("limit_violation")) EXPECT_LE(v, 2e-3);
+    for (double c : s.finger_series[0].column("converged")) converged += c;
+    EXPECT_GE(converged / double(s.finger_series[0].rows()), 0.9);
+    EXPECT_TRUE(skin_status(s.world, s.fingers[0]).converged);
     EXPECT_LE(skin_status(s.world, s.fingers[0]).limit_violation, 1e-3);
-    EXPECT_EQ(s.finger_resets[0], 0);
 }
 
 TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
