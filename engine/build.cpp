@@ -19,6 +19,14 @@ std::vector<std::string> SceneSpec::validate() const {
         const std::string who = "finger '" + f.name + "': ";
         need(!f.mesh.tets.empty() && f.mesh.bone_nodes.size() >= 3,
              who + "its mesh needs tetrahedra and at least three bone nodes");
+        need(std::any_of(f.mesh.tets.begin(), f.mesh.tets.end(),
+                         [&](const auto& tet) {
+                             return std::any_of(tet.begin(), tet.end(), [&](int node) {
+                                 const auto& bone = f.mesh.bone_nodes;
+                                 return std::find(bone.begin(), bone.end(), node) == bone.end();
+                             });
+                         }),
+             who + "all its nodes are bone nodes: nothing is left to deform");
         need(f.young_modulus >= 1 && f.young_modulus <= 1e9,
              who + "Young's modulus must be between 0.001 and 1000000 kPa");
         need(f.poisson_ratio >= 0 && f.poisson_ratio < 0.49995,

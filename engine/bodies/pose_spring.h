@@ -1,5 +1,5 @@
 #pragma once
-// The bone's energy terms: springs from its pose to a target pose, and springs from its skin nodes.
+// The bone: springs from its pose to a target pose, and how its pose carries the nodes that are fixed in it.
 // Rotations vary by small left rotations omega: R <- rotation_step(omega) R.
 
 #include "engine/ecs/pose.h"
@@ -42,32 +42,19 @@ inline PoseTerms<R> pose_spring(const PoseSpring<R>& spring, const Pose<R>& pose
     return t;
 }
 
+/// How the bone's 6 unknowns see a node that is fixed in it at p + arm (arm = R r, world frame):
+/// dx = dp + omega x arm.
 template <class R>
-struct BoneSpringTerms {
-    R energy;                ///< [J]
-    Vec3<R> node_gradient;   ///< dE/dx [N]; dE/dp is its negative
-    Vec3<R> omega_gradient;  ///< dE/domega [N m]
-    Mat3<R> omega_node;      ///< d2E/domega dx [N]; d2E/domega dp is its negative
-    Mat3<R> omega_omega;     ///< d2E/domega2 [N m]
-};
+inline Vec3<R> torque_of(const Vec3<R>& arm, const Vec3<R>& gradient) {
+    return cross(arm, gradient);
+}
 
-/// Stiff spring between a skin node x and its seat p + arm on the bone (arm = R r, world frame):
-/// E = k/2 |x - p - arm|^2. `exact` adds the curvature of the rotating arm, which can be negative.
+/// Curvature of such a node's gradient along omega, from the second order of the rotation:
+/// g . (omega x (omega x arm)) / 2 = omega^T H omega / 2. Not definite.
 template <class R>
-inline BoneSpringTerms<R> bone_spring(const Vec3<R>& x, const Vec3<R>& p, const Vec3<R>& arm, const R& k, bool exact) {
-    const Vec3<R> d = x - p - arm;
-    BoneSpringTerms<R> t;
-    t.energy = R(ScalarOf<R>(0.5)) * k * dot(d, d);
-    t.node_gradient = k * d;
-    t.omega_gradient = k * cross(d, arm);
-    t.omega_node = (-k) * skew(arm);
-    t.omega_omega = k * (dot(arm, arm) * Mat3<R>::identity() - outer(arm, arm));
-    if (exact) {
-        const Mat3<R> da = outer(d, arm);
-        t.omega_omega =
-            t.omega_omega + k * (dot(d, arm) * Mat3<R>::identity()) - (R(ScalarOf<R>(0.5)) * k) * (da + transpose(da));
-    }
-    return t;
+inline Mat3<R> turning_curvature(const Vec3<R>& arm, const Vec3<R>& gradient) {
+    const Mat3<R> ag = outer(arm, gradient);
+    return R(ScalarOf<R>(0.5)) * (ag + transpose(ag)) - dot(arm, gradient) * Mat3<R>::identity();
 }
 
 }  // namespace palpate

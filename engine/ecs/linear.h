@@ -124,6 +124,14 @@ inline Mat3<R> skew(const Vec3<R>& a) {
     return {{{o, -a.z, a.y}, {a.z, o, -a.x}, {-a.y, a.x, o}}};
 }
 
+/// skew(a) B: the cross product of a with every column of B.
+template <class R>
+inline Mat3<R> cross_columns(const Vec3<R>& a, const Mat3<R>& B) {
+    Mat3<R> c;
+    for (int j = 0; j < 3; ++j) c.set_column(j, cross(a, B.column(j)));
+    return c;
+}
+
 template <class R>
 inline Vec3<R> load_vec3(const ScalarOf<R>* p) {
     constexpr int W = lane_width<R>;

@@ -33,7 +33,7 @@ template <class Chunk, class Visit>
 void for_each_array(Chunk& c, Visit visit) {
     auto& r = c.rest;
     for (auto* a : {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty,
-                    &r.mass, &r.bone_arm, &r.bone_stiffness, &r.contact_penalty, &r.tissue_stiffness, &r.rest_position})
+                    &r.mass, &r.contact_penalty, &r.tissue_stiffness, &r.rest_position})
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
@@ -60,13 +60,13 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     c.finger.assign(width, -1);
     c.status.assign(width, {});
     auto make = [&](LaneArray<T>& a, std::size_t n, T value = T(0)) { a.assign(n * width, value); };
-    const std::size_t E = t.elements.size(), N = t.node_count, B = t.bone_nodes.size();
+    const std::size_t E = t.elements.size(), N = t.node_count;
     const std::size_t S = t.samples.size(), contacts = S * c.slot_capacity, limits = has_limits ? E : 0;
-    const std::size_t frictions = c.has_friction ? contacts : 0, unknowns = N + 2;
+    const std::size_t frictions = c.has_friction ? contacts : 0, everything = N + 2;
     auto& r = c.rest;
     make(r.shape_gradients, 9 * E), make(r.volume, E), make(r.mu, E), make(r.lambda, E);
     make(r.limit_low, limits), make(r.limit_high, limits), make(r.limit_penalty, limits);
-    make(r.mass, N), make(r.bone_arm, 3 * B), make(r.bone_stiffness, B), make(r.contact_penalty, S);
+    make(r.mass, N), make(r.contact_penalty, S);
     make(r.tissue_stiffness, 1), make(r.rest_position, 3 * N);
     auto& s = c.state;
     make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
@@ -77,9 +77,9 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     auto& w = c.scratch;
     make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
     make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);
-    make(w.gradient, 3 * unknowns), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * unknowns),
-        make(w.permuted, 3 * unknowns);
-    make(w.blocks, 9 * std::size_t(t.pattern.block_count)), make(w.limit_candidate, 9 * limits);
+    make(w.gradient, 3 * everything), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * everything),
+        make(w.permuted, 3 * t.unknowns.size());
+    make(w.blocks, 9 * std::size_t(t.block_count)), make(w.limit_candidate, 9 * limits);
     make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions);
     make(w.contact_normal, 3 * frictions), make(w.svd, 9 * E);
 }
@@ -101,13 +101,14 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
         const Eigen::Matrix3d G = D.inverse();
         for (int i = 0; i < 9; ++i) c.rest.shape_gradients[(9 * e + i) * W + lane] = T(G(i / 3, i % 3));
         c.rest.volume[e * W + lane] = T(volume);
-        const double E = value_at(p.young_modulus, e), nu = p.poisson_ratio;
+        const std::size_t m = t.mesh_element[e];
+        const double E = value_at(p.young_modulus, m), nu = p.poisson_ratio;
         c.rest.mu[e * W + lane] = T(E / (2 * (1 + nu)));
         c.rest.lambda[e * W + lane] = T(E * nu / ((1 + nu) * (1 - 2 * nu)));
         if (c.has_limits) {
             // A finger without limits in a chunk with them gets bounds that are never met.
-            c.rest.limit_low[e * W + lane] = T(p.has_limits ? value_at(p.limit_low, e) : 1e-3);
-            c.rest.limit_high[e * W + lane] = T(p.has_limits ? value_at(p.limit_high, e) : 1e3);
+            c.rest.limit_low[e * W + lane] = T(p.has_limits ? value_at(p.limit_low, m) : 1e-3);
+            c.rest.limit_high[e * W + lane] = T(p.has_limits ? value_at(p.limit_high, m) : 1e3);
             c.rest.limit_penalty[e * W + lane] = T(p.limit_penalty_factor * E);
         }
         for (int a : tet) mass[a] += p.density * volume / 4;
@@ -125,14 +126,10 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     c.finger[lane] = finger;
     c.used_lanes |= 1u << lane;
     set_elements(c, lane, p);
-    for (std::size_t b = 0; b < t.bone_nodes.size(); ++b) {
-        for (int d = 0; d < 3; ++d) c.rest.bone_arm[(3 * b + d) * W + lane] = T(p.mesh->nodes[t.bone_nodes[b]][d]);
-        c.rest.bone_stiffness[b * W + lane] = T(p.bone_attachment / double(t.bone_nodes.size()));
-    }
     double volume = 0, E = 0;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
         volume += c.rest.volume[e * W + lane];
-        E += value_at(p.young_modulus, e) * c.rest.volume[e * W + lane];
+        E += value_at(p.young_modulus, t.mesh_element[e]) * c.rest.volume[e * W + lane];
     }
     const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
     for (std::size_t s = 0; s < t.samples.size(); ++s)

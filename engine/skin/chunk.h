@@ -39,8 +39,6 @@ struct SkinRest {
     LaneArray<T> limit_low, limit_high;  ///< [element] bounds on principal stretches; empty without limits
     LaneArray<T> limit_penalty;          ///< [element] base penalty of the limits [Pa]; empty without limits
     LaneArray<T> mass;                   ///< [node] [kg]
-    LaneArray<T> bone_arm;               ///< [bone node][xyz] seat in the bone frame [m]
-    LaneArray<T> bone_stiffness;         ///< [bone node] [N/m]
     LaneArray<T> contact_penalty;        ///< [sample] [N/m]
     LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
     LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
@@ -71,9 +69,9 @@ struct SkinScratch {
     LaneArray<T> bone_springs;    ///< [spring][linear k, angular k, target 7]: written by `couple`
     LaneArray<T> base_position;   ///< [node][xyz] last accepted iterate
     LaneArray<T> base_bone;       ///< [7]
-    LaneArray<T> gradient;        ///< [unknown][xyz]
+    LaneArray<T> gradient;        ///< [node, bone][xyz]
     LaneArray<T> pending;    ///< [node][xyz] change of the limits' forces by a multiplier update; empty without limits
-    LaneArray<T> direction;  ///< [unknown][xyz] Newton step
+    LaneArray<T> direction;  ///< [node, bone][xyz] Newton step
     LaneArray<T> permuted;   ///< [unknown][xyz] right-hand side in elimination order
     LaneArray<T> blocks;     ///< [block][3x3]
     LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
@@ -150,7 +148,6 @@ struct SkinParameters {
     std::vector<double> limit_low, limit_high;  ///< [element] or one value
     double limit_penalty_factor = 100;          ///< penalty = factor x Young's modulus
     double contact_penalty_factor = 30;         ///< penalty = factor x Young's modulus x sample spacing
-    double bone_attachment = 4e6;               ///< stiffness of all bone springs together [N/m]
 };
 
 /// Allocates every array of a chunk: nothing is allocated later.

@@ -170,15 +170,14 @@ inline void add_inertia(SkinChunk<ScalarOf<R>>& c, ScalarOf<R> inverse_dt2, Eval
     }
 }
 
-/// The bone: springs to its targets, and the springs that carry the skin.
+/// The bone's springs to its targets.
 template <class R>
-inline void add_bone(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+inline void add_bone_springs(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
-    ScalarOf<R>* blocks = c.scratch.blocks.data();
     const Pose<R> bone = load_pose<R>(c.state.bone.data());
     Vec3<R> force{R(0), R(0), R(0)}, torque{R(0), R(0), R(0)};
-    R linear(0), angular(0), linear_skin(0);
+    R linear(0), angular(0);
     for (int s = 0; s < bone_spring_count; ++s) {
         const ScalarOf<R>* p = &c.scratch.bone_springs[9 * s * W];
         const PoseSpring<R> spring{load<R>(p), load<R>(p + W), load_pose<R>(p + 2 * W)};
@@ -190,31 +189,52 @@ inline void add_bone(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
         angular += terms.angular_curvature;
         if (s == 0) out.coupling_force = norm(terms.force);
     }
-    const Mat3<R> rotation = rotation_matrix(bone.rotation);
-    Mat3<R> cross = Mat3<R>::zero(), turn = angular * Mat3<R>::identity();
-    for (std::size_t b = 0; b < t.bone_nodes.size(); ++b) {
-        const int node = t.bone_nodes[b];
-        const R k = load<R>(&c.rest.bone_stiffness[b * W]);
-        const Vec3<R> arm = rotation * load_vec3<R>(&c.rest.bone_arm[3 * b * W]);
-        const BoneSpringTerms<R> terms =
-            bone_spring(load_vec3<R>(&c.state.position[3 * node * W]), bone.position, arm, k, false);
-        out.energy += terms.energy;
-        force -= terms.node_gradient;
-        torque += terms.omega_gradient;
-        linear_skin += k;
-        turn = turn + terms.omega_omega;
-        cross = cross - terms.omega_node;
-        add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.node_gradient);
-        const Mat3<R> kI = k * Mat3<R>::identity();
-        add_block<R>(blocks, t.diagonal_block[node], kI);
-        add_block<R>(blocks, t.bone_block[b][0], (-k) * Mat3<R>::identity());
-        add_block<R>(blocks, t.bone_block[b][1], terms.omega_node);
+    add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
+    add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
+    ScalarOf<R>* blocks = c.scratch.blocks.data();
+    add_block<R>(blocks, t.diagonal_block[t.bone_position], linear * Mat3<R>::identity());
+    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], angular * Mat3<R>::identity());
+}
+
+/// Carries gradient and stiffness of the bone nodes over to the bone: dx_a = dp + omega x arm_a.
+template <class R>
+inline void carry_to_bone(SkinChunk<ScalarOf<R>>& c, const R& exactness) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    ScalarOf<R>* blocks = c.scratch.blocks.data();
+    auto block = [&](int b) { return load_mat3<R>(blocks + static_cast<std::size_t>(b) * 9 * W); };
+    const Vec3<R> origin = load_vec3<R>(c.state.bone.data());
+    auto arm = [&](int node) { return load_vec3<R>(&c.state.position[3 * node * W]) - origin; };
+
+    Vec3<R> force{R(0), R(0), R(0)}, torque{R(0), R(0), R(0)};
+    Mat3<R> pp = Mat3<R>::zero(), rp = Mat3<R>::zero(), rr = Mat3<R>::zero(), turning = Mat3<R>::zero();
+    for (int node : t.bone_nodes) {
+        const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * node * W]);
+        force += g;
+        torque += torque_of(arm(node), g);
+        turning = turning + turning_curvature(arm(node), g);
+    }
+    for (const auto& edge : t.bone_edges) {
+        const Mat3<R> K = block(edge.block);
+        add_block<R>(blocks, edge.position, K);
+        add_block<R>(blocks, edge.rotation, cross_columns(arm(edge.bone_node), K));
+    }
+    for (const auto& pair : t.bone_pairs) {
+        const Mat3<R> K = block(pair.block), turned = cross_columns(arm(pair.a), K);
+        const Mat3<R> both = transpose(cross_columns(arm(pair.b), transpose(turned)));
+        pp = pp + K;
+        rp = rp + turned;
+        rr = rr + both;
+        if (pair.a == pair.b) continue;
+        pp = pp + transpose(K);
+        rp = rp + cross_columns(arm(pair.b), transpose(K));
+        rr = rr + transpose(both);
     }
     add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
     add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
-    add_block<R>(blocks, t.diagonal_block[t.bone_position], (linear + linear_skin) * Mat3<R>::identity());
-    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], turn);
-    add_block<R>(blocks, t.bone_cross_block, cross);
+    add_block<R>(blocks, t.diagonal_block[t.bone_position], pp);
+    add_block<R>(blocks, t.bone_cross_block, rp);
+    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr + exactness * turning);
 }
 
 /// Where a point of an object's surface at x was carried from: the motion of the object over the step.
@@ -275,6 +295,20 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
     }
 }
 
+/// How far the limits' forces on the free nodes, and on the bone as a whole, are from their fixed point.
+template <class R>
+inline void add_pending_of_limits(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+    constexpr int W3 = 3 * lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    Vec3<R> bone{R(0), R(0), R(0)};
+    for (int i : t.bone_nodes) bone += load_vec3<R>(&c.scratch.pending[i * W3]);
+    out.pending += dot(bone, bone);
+    for (std::size_t u = 0; u + 2 < t.unknowns.size(); ++u) {
+        const Vec3<R> f = load_vec3<R>(&c.scratch.pending[t.unknowns[u] * W3]);
+        out.pending += dot(f, f);
+    }
+}
+
 }  // namespace detail
 
 /// The Newton matrix is positive definite for exactness 0; for 1 it is exact, and may be indefinite.
@@ -288,16 +322,14 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     Evaluation<R> out;
     detail::add_elements(c, exactness, out);
     if (settings.inertia) detail::add_inertia(c, T(1 / (settings.dt * settings.dt)), out);
-    detail::add_bone(c, out);
+    detail::add_bone_springs(c, out);
     detail::add_contacts(c, out);
-    for (int i = 0; i < c.topology->node_count + 2; ++i) {
+    detail::carry_to_bone(c, exactness);
+    for (int i : c.topology->unknowns) {
         const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * i * W]);
         out.residual += dot(g, g);
     }
-    for (std::size_t i = 0; i < c.scratch.pending.size(); i += W) {
-        const R f = load<R>(&c.scratch.pending[i]);
-        out.pending += f * f;
-    }
+    if (c.has_limits) detail::add_pending_of_limits(c, out);
     return out;
 }
 

@@ -10,6 +10,17 @@ namespace palpate {
 
 namespace detail {
 
+/// Bone nodes go where the bone is.
+template <class R>
+inline void place_bone_nodes(SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W3 = 3 * lane_width<R>;
+    const Pose<R> bone = load_pose<R>(c.state.bone.data());
+    const Mat3<R> rotation = rotation_matrix(bone.rotation);
+    for (int i : c.topology->bone_nodes)
+        store_vec3<R>(&c.state.position[i * W3],
+                      bone.position + rotation * load_vec3<R>(&c.rest.rest_position[i * W3]));
+}
+
 /// Targets of implicit Euler, the first guess, and multipliers carried along with the bone's turn.
 template <class R>
 inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
@@ -38,6 +49,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
         store_vec3<R>(&c.scratch.inertia_target[3 * i * W], coasting);
         store_vec3<R>(p, select(rigid, bone.position + rotation * (x - before.position), coasting));
     }
+    place_bone_nodes<R>(c);
     if (!c.has_limits) return;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
         T* p = &c.state.limit_multiplier[9 * e * W];
@@ -76,11 +88,11 @@ inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_piv
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
     bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data());
-    for (int i = 0; i < t.node_count + 2; ++i)
+    for (int i : t.unknowns)
         store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
     solve_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.permuted.data());
     R slope(0);
-    for (int i = 0; i < t.node_count + 2; ++i) {
+    for (int i : t.unknowns) {
         const Vec3<R> d = load_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3]);
         slope += dot(d, load_vec3<R>(&c.scratch.gradient[i * W3]));
         auto* p = &c.scratch.direction[i * W3];
@@ -105,7 +117,8 @@ template <class R>
 inline void move_from_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& alpha) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
-    for (int i = 0; i < t.node_count; ++i) {
+    for (std::size_t u = 0; u + 2 < t.unknowns.size(); ++u) {
+        const int i = t.unknowns[u];
         auto* x = &c.state.position[3 * i * W];
         const Vec3<R> moved =
             load_vec3<R>(&c.scratch.base_position[3 * i * W]) + alpha * load_vec3<R>(&c.scratch.direction[3 * i * W]);
@@ -120,6 +133,7 @@ inline void move_from_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& 
     pose.rotation = {select(lanes, q.w, old.rotation.w), select(lanes, q.x, old.rotation.x),
                      select(lanes, q.y, old.rotation.y), select(lanes, q.z, old.rotation.z)};
     store_pose<R>(c.state.bone.data(), pose);
+    place_bone_nodes<R>(c);
 }
 
 /// Velocities of implicit Euler from the accepted positions.
@@ -195,8 +209,8 @@ inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, LaneProgress<R>& p)
     p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
     if (!any(lanes & (p.damping > R(0)))) return;
     const Mat3<R> block = (p.damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
-    for (int i = 0; i < c.topology->node_count; ++i)
-        add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[i], block);
+    for (std::size_t u = 0; u + 2 < c.topology->unknowns.size(); ++u)
+        add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[c.topology->unknowns[u]], block);
 }
 
 /// What the lanes do next; each active lane does exactly one of the three.

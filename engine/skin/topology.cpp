@@ -3,6 +3,7 @@
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <map>
 #include <set>
 
 namespace palpate {
@@ -53,10 +54,10 @@ namespace {
 
 using Adjacency = std::vector<std::vector<int>>;
 
-/// Graph of the nodes of the mesh; nodes of one element are neighbours.
-Adjacency node_graph(const TetMesh& mesh) {
-    std::vector<std::set<int>> neighbours(mesh.nodes.size());
-    for (const auto& tet : mesh.tets)
+/// Graph of the nodes; nodes of one element are neighbours.
+Adjacency node_graph(const std::vector<std::array<int, 4>>& elements, int node_count) {
+    std::vector<std::set<int>> neighbours(node_count);
+    for (const auto& tet : elements)
         for (int a : tet)
             for (int b : tet)
                 if (a != b) neighbours[a].insert(b);
@@ -82,6 +83,70 @@ std::vector<int> minimum_degree_positions(const Adjacency& graph) {
     return position;
 }
 
+/// Elimination positions: free nodes by minimum degree, then the bone.
+void order_unknowns(SkinTopology& t, const Adjacency& graph, const std::vector<bool>& in_bone) {
+    std::vector<int> free_number(t.node_count, -1);
+    for (int i = 0; i < t.node_count; ++i)
+        if (!in_bone[i]) {
+            free_number[i] = static_cast<int>(t.unknowns.size());
+            t.unknowns.push_back(i);
+        }
+    Adjacency free_graph;
+    for (int i : t.unknowns) {
+        auto& row = free_graph.emplace_back();
+        for (int j : graph[i])
+            if (!in_bone[j]) row.push_back(free_number[j]);
+    }
+    const std::vector<int> position = minimum_degree_positions(free_graph);
+    t.elimination.assign(t.node_count + 2, -1);
+    for (std::size_t u = 0; u < position.size(); ++u) t.elimination[t.unknowns[u]] = position[u];
+    for (int b : {t.bone_position, t.bone_rotation}) {
+        t.elimination[b] = static_cast<int>(t.unknowns.size());
+        t.unknowns.push_back(b);
+    }
+}
+
+/// The factor's pattern: free nodes that share an element, and the bone with every neighbour of its nodes.
+void build_pattern(SkinTopology& t, const Adjacency& graph, const std::vector<bool>& in_bone) {
+    Adjacency permuted(t.unknowns.size());
+    auto connect = [&](int a, int b) {
+        permuted[t.elimination[a]].push_back(t.elimination[b]);
+        permuted[t.elimination[b]].push_back(t.elimination[a]);
+    };
+    for (int i = 0; i < t.node_count; ++i)
+        for (int j : graph[i]) {
+            if (!in_bone[i] && !in_bone[j] && i < j) connect(i, j);
+            if (in_bone[i] && !in_bone[j])
+                for (int b : {t.bone_position, t.bone_rotation}) connect(j, b);
+        }
+    connect(t.bone_position, t.bone_rotation);
+    t.pattern = factor_pattern(permuted);
+    t.block_count = t.pattern.block_count;
+}
+
+/// Blocks of bone nodes, after the pattern's.
+class BoneBlocks {
+  public:
+    explicit BoneBlocks(SkinTopology& topology) : t(topology) {}
+    /// Block (bone node a, node b).
+    int block(int a, int b) {
+        const auto [it, fresh] = number.try_emplace({a, b}, t.block_count);
+        if (!fresh) return it->second;
+        ++t.block_count;
+        if (t.elimination[b] < 0) {
+            t.bone_pairs.push_back({it->second, a, b});
+        } else {
+            auto find = [&](int row) { return t.pattern.find(t.elimination[row], t.elimination[b]); };
+            t.bone_edges.push_back({it->second, a, find(t.bone_position), find(t.bone_rotation)});
+        }
+        return it->second;
+    }
+
+  private:
+    SkinTopology& t;
+    std::map<std::pair<int, int>, int> number;
+};
+
 }  // namespace
 
 SkinTopology build_topology(const TetMesh& mesh) {
@@ -91,38 +156,33 @@ SkinTopology build_topology(const TetMesh& mesh) {
     t.bone_rotation = t.node_count + 1;
     t.bone_nodes = mesh.bone_nodes;
     t.samples = mesh.pad_nodes;
-
-    const Adjacency graph = node_graph(mesh);
-    t.elimination = minimum_degree_positions(graph);
-    t.elimination.push_back(t.bone_position);
-    t.elimination.push_back(t.bone_rotation);
-
-    Adjacency permuted(t.node_count + 2);
-    auto connect = [&](int a, int b) {
-        permuted[t.elimination[a]].push_back(t.elimination[b]);
-        permuted[t.elimination[b]].push_back(t.elimination[a]);
-    };
-    for (int i = 0; i < t.node_count; ++i)
-        for (int j : graph[i])
-            if (i < j) connect(i, j);
-    for (int node : t.bone_nodes) {
-        connect(node, t.bone_position);
-        connect(node, t.bone_rotation);
-    }
-    connect(t.bone_position, t.bone_rotation);
-    t.pattern = factor_pattern(permuted);
-
-    auto block = [&](int a, int b) { return t.pattern.find(t.elimination[a], t.elimination[b]); };
-    for (auto tet : mesh.tets) {
-        std::sort(tet.begin(), tet.end(), [&](int a, int b) { return t.elimination[a] < t.elimination[b]; });
+    std::vector<bool> in_bone(t.node_count, false);
+    for (int node : t.bone_nodes) in_bone[node] = true;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        const auto& tet = mesh.tets[e];
+        if (std::all_of(tet.begin(), tet.end(), [&](int a) { return in_bone[a]; })) continue;
+        t.mesh_element.push_back(static_cast<int>(e));
         t.elements.push_back(tet);
+    }
+    const Adjacency graph = node_graph(t.elements, t.node_count);
+    order_unknowns(t, graph, in_bone);
+    build_pattern(t, graph, in_bone);
+
+    BoneBlocks bone(t);
+    auto order = [&](int node) { return in_bone[node] ? t.node_count + 2 + node : t.elimination[node]; };
+    auto block = [&](int a, int b) {  // a not before b
+        return in_bone[a] ? bone.block(a, b) : t.pattern.find(t.elimination[a], t.elimination[b]);
+    };
+    for (auto& tet : t.elements) {
+        std::sort(tet.begin(), tet.end(), [&](int a, int b) { return order(a) < order(b); });
         auto& destinations = t.element_block.emplace_back();
         for (int k = 0, a = 0; a < 4; ++a)
             for (int b = 0; b <= a; ++b, ++k) destinations[k] = block(tet[a], tet[b]);
     }
-    for (int i = 0; i < t.node_count + 2; ++i) t.diagonal_block.push_back(block(i, i));
-    for (int node : t.bone_nodes) t.bone_block.push_back({block(t.bone_position, node), block(t.bone_rotation, node)});
-    t.bone_cross_block = block(t.bone_rotation, t.bone_position);
+    for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
+    for (int b : {t.bone_position, t.bone_rotation})
+        t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
+    t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
     return t;
 }
 

@@ -27,21 +27,39 @@ struct BlockPattern {
 /// Symbolic factorisation of a graph: `adjacency[i]` lists the neighbours of i in elimination order.
 BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency);
 
-/// Connectivity of one skin. The unknowns are the nodes, then the bone's position, then its rotation:
-/// the bone comes last in the elimination, so its 6x6 block is the Schur complement of the skin.
+/// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
+/// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
+/// of the skin. Nodes keep the numbers of the mesh; the bone's two unknowns follow them.
 struct SkinTopology {
     int node_count = 0;
-    int bone_position = 0;                           ///< unknown block of the bone's position: node_count
-    int bone_rotation = 0;                           ///< node_count + 1
-    std::vector<std::array<int, 4>> elements;        ///< nodes, sorted by elimination position
+    int bone_position = 0;            ///< number of the bone's position: node_count
+    int bone_rotation = 0;            ///< node_count + 1
+    std::vector<int> unknowns;        ///< free nodes, bone_position, bone_rotation
+    std::vector<int> elimination;     ///< [node_count + 2] -> elimination position; -1 for bone nodes
+    BlockPattern pattern;             ///< of the unknowns
+    int block_count = 0;              ///< the pattern's, then blocks of bone nodes, which `bone_edges` and
+                                      ///< `bone_pairs` carry over to the bone's unknowns
+    std::vector<int> diagonal_block;  ///< [node_count + 2]
+
+    std::vector<int> mesh_element;  ///< [element] its number in the mesh: elements inside the bone are left out
+    std::vector<std::array<int, 4>> elements;        ///< nodes: free ones in elimination order, then bone nodes
     std::vector<std::array<int, 10>> element_block;  ///< destination of each of block_pair (isotropic.h)
-    std::vector<int> diagonal_block;                 ///< [node_count + 2]
-    std::vector<int> bone_nodes;                     ///< nodes with a bone spring
-    std::vector<std::array<int, 2>> bone_block;      ///< per bone node: blocks (position,node), (rotation,node)
-    int bone_cross_block = 0;                        ///< block (rotation, position)
-    std::vector<int> samples;                        ///< nodes at which contact is decided
-    std::vector<int> elimination;                    ///< [node_count + 2] unknown -> elimination position
-    BlockPattern pattern;
+
+    std::vector<int> bone_nodes;
+    struct BoneEdge {
+        int block;               ///< (bone node, free node)
+        int bone_node;           ///< node number
+        int position, rotation;  ///< blocks (bone_position, free node), (bone_rotation, free node)
+    };
+    struct BonePair {
+        int block;  ///< (a, b), a >= b
+        int a, b;   ///< bone nodes
+    };
+    std::vector<BoneEdge> bone_edges;
+    std::vector<BonePair> bone_pairs;
+    int bone_cross_block = 0;  ///< block (rotation, position)
+
+    std::vector<int> samples;  ///< nodes at which contact is decided
 };
 
 SkinTopology build_topology(const TetMesh& mesh);
