@@ -277,7 +277,8 @@ inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& 
     using T = ScalarOf<R>;
     const R excess = maximum(e.violation * R(T(1 / s.limit_tolerance)), e.penetration * R(T(1 / s.contact_tolerance)));
     const R scale = load<R>(c.state.penalty_scale.data());
-    const MaskOf<R> slow = lanes & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(T(4000)));
+    const T largest = sizeof(T) == 8 ? T(1e5) : T(4e3);  // beyond, rounding of positions is felt as force
+    const MaskOf<R> slow = lanes & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(largest));
     store<R>(c.state.penalty_scale.data(), select(slow, R(8) * scale, scale));
     p.last_excess = select(lanes, excess, p.last_excess);
 }
@@ -285,7 +286,7 @@ inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& 
 /// Newton iterations of a step with positive curvature before exact curvature is tried: most steps are
 /// done by then; hard ones, under large limit forces, converge slowly without it. Steps that are not done
 /// after `exact_until` go on with positive curvature alone, which is slower but keeps nearer to the limits.
-inline constexpr int exact_after = 4, exact_until = 60;
+inline constexpr int exact_after = 4, exact_until = 100;
 
 /// Less exact curvature where the matrix was indefinite, more where it was not.
 template <class R>
