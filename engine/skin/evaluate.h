@@ -61,12 +61,26 @@ inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
     return maximum(base, R(6) * square_root(squared) / low);
 }
 
-/// Strain limit of one element. Adds to P and blocks, writes the updated multiplier.
+/// What an evaluation is asked for: forces alone where no linear solve follows.
+enum class Want { forces, forces_and_matrix };
+
+/// Adds the nodal forces of an element's stress to an array [node][xyz].
 template <class R>
-inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
-                             const Vec3<R> g[3], const R& volume, Mat3<R>& P, ElementBlocks<R>& blocks, Mat3<R>& change,
-                             const R& exactness, Evaluation<R>& out) {
+inline void scatter_stress(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, const std::array<int, 4>& nodes,
+                           ScalarOf<R>* out) {
     constexpr int W = lane_width<R>;
+    Vec3<R> gradient[4];
+    for (auto& v : gradient) v = {R(0), R(0), R(0)};
+    add_gradient(P, g, volume, gradient);
+    for (int a = 0; a < 4; ++a) add_vec3<R>(&out[3 * nodes[a] * W], gradient[a]);
+}
+
+/// Strain limit of one element. Adds to gradient and blocks, writes the updated multiplier.
+template <Want want, class R>
+inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                             const Vec3<R> g[3], const R& volume, const R& exactness, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
     const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
     const Vec3<R>& s = svd.sigma;
     R excess(0);
@@ -84,10 +98,9 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     }
     const R k =
         limit_penalty(multiplier, low, load<R>(&c.rest.limit_penalty[e * W]) * load<R>(&c.state.penalty_scale[0]));
-    const Mat3<R> shift = (R(1) / k) * multiplier;
     SignedSvd<R> shifted = svd;
     if (any(loaded)) {
-        const SignedSvd<R> own = signed_svd(F + shift, svd.V);
+        const SignedSvd<R> own = signed_svd(F + (R(1) / k) * multiplier, svd.V);
         for (int i = 0; i < 3; ++i) {
             for (int j = 0; j < 3; ++j) {
                 shifted.U[i][j] = select(loaded, own.U[i][j], svd.U[i][j]);
@@ -100,9 +113,14 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
         blend_curvature(strain_limit<Curvature::exact>(shifted.sigma, low, high, k),
                         strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
     const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
-    P = P + stress;
-    add_stiffness(shifted, terms, g, volume, blocks);
-    change = stress - multiplier;
+    scatter_stress(stress, g, volume, t.elements[e], c.scratch.gradient.data());
+    scatter_stress(stress - multiplier, g, volume, t.elements[e], c.scratch.pending.data());
+    if constexpr (want == Want::forces_and_matrix) {
+        ElementBlocks<R> blocks;
+        for (auto& block : blocks.block) block = Mat3<R>::zero();
+        add_stiffness(shifted, terms, g, volume, blocks);
+        for (int b = 0; b < 10; ++b) add_block<R>(c.scratch.blocks.data(), t.element_block[e][b], blocks.block[b]);
+    }
     R squared(0);
     for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
     out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
@@ -110,25 +128,14 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     store_mat3<R>(candidate, stress);
 }
 
-/// Adds the nodal forces of an element's stress to an array [node][xyz].
-template <class R>
-inline void scatter_stress(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, const std::array<int, 4>& nodes,
-                           ScalarOf<R>* out) {
-    constexpr int W = lane_width<R>;
-    Vec3<R> gradient[4];
-    for (auto& v : gradient) v = {R(0), R(0), R(0)};
-    add_gradient(P, g, volume, gradient);
-    for (int a = 0; a < 4; ++a) add_vec3<R>(&out[3 * nodes[a] * W], gradient[a]);
-}
-
 /// Elasticity and strain limit of every element.
-template <class R>
+template <Want want, class R>
 inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
         const auto& nodes = t.elements[e];
-        Vec3<R> x[4], g[3];
+        Vec3<R> x[4], g[3], force[4];
         for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&c.state.position[3 * nodes[a] * W]);
         for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
         const R volume = load<R>(&c.rest.volume[e * W]);
@@ -141,17 +148,14 @@ inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
                             corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
         out.energy += volume * elastic.energy;
-        Mat3<R> P = principal_to_matrix(svd, elastic.stress);
-        ElementBlocks<R> blocks;
-        for (auto& block : blocks.block) block = Mat3<R>::zero();
-        add_stiffness(svd, elastic, g, volume, blocks);
-        if (c.has_limits) {
-            Mat3<R> change = Mat3<R>::zero();
-            add_strain_limit(c, e, F, svd, g, volume, P, blocks, change, exactness, out);
-            scatter_stress(change, g, volume, nodes, c.scratch.pending.data());
-        }
-        scatter_stress(P, g, volume, nodes, c.scratch.gradient.data());
-        for (int k = 0; k < 10; ++k) add_block<R>(c.scratch.blocks.data(), t.element_block[e][k], blocks.block[k]);
+        const PrincipalGradients<R> principal = principal_gradients(svd, g);
+        principal_force(svd, principal, elastic.stress, volume, force);
+        for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
+        if constexpr (want == Want::forces_and_matrix)
+            add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
+                return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
+            });
+        if (c.has_limits) add_strain_limit<want>(c, e, F, svd, g, volume, exactness, out);
     }
 }
 
@@ -320,7 +324,7 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
     Evaluation<R> out;
-    detail::add_elements(c, exactness, out);
+    detail::add_elements<detail::Want::forces_and_matrix>(c, exactness, out);
     if (settings.inertia) detail::add_inertia(c, T(1 / (settings.dt * settings.dt)), out);
     detail::add_bone_springs(c, out);
     detail::add_contacts(c, out);

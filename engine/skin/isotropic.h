@@ -156,6 +156,73 @@ inline void add_stiffness(const SignedSvd<R>& svd, const PrincipalTerms<R>& term
     block[9] = block[9] + K[2][2];
 }
 
+/// An element in the frame of its singular value decomposition: gradients of the four shape functions along
+/// the columns of V [1/m].
+template <class R>
+struct PrincipalGradients {
+    Vec3<R> ghat[4];
+};
+template <class R>
+inline PrincipalGradients<R> principal_gradients(const SignedSvd<R>& svd, const Vec3<R> g[3]) {
+    PrincipalGradients<R> out;
+    for (int a = 0; a < 3; ++a) out.ghat[a + 1] = transposed_times(svd.V, g[a]);
+    out.ghat[0] = -(out.ghat[1] + out.ghat[2] + out.ghat[3]);
+    return out;
+}
+
+/// Adds the stiffness of corotational elasticity straight to the blocks block(0) ... block(9) of the node pairs,
+/// `block(k)` being the address of pair k of block_pair. Equal to add_stiffness of the same terms, at half the cost:
+/// K_ab = volume (2 mu ga.gb I + lambda r_a r_b^T - sum_k c_k/2 tau_ka tau_kb^T), r_a = R ga and tau_ka the turn of
+/// node a about axis k, with c_k = 2 mu - twist_k.
+template <class R, class Block>
+inline void add_corotational_stiffness(const SignedSvd<R>& svd, const PrincipalGradients<R>& p, const Vec3<R>& twist,
+                                       const R& mu, const R& lambda, const R& volume, Block block) {
+    const R half(ScalarOf<R>(0.5));
+    const Vec3<R> u[3] = {svd.U.column(0), svd.U.column(1), svd.U.column(2)};
+    const R weight[4] = {volume * lambda, half * volume * (twist.x - R(2) * mu), half * volume * (twist.y - R(2) * mu),
+                         half * volume * (twist.z - R(2) * mu)};
+    Vec3<R> mode[4][4];  // [node][r, tau_0, tau_1, tau_2]
+    for (int a = 1; a < 4; ++a) {
+        const Vec3<R>& g = p.ghat[a];
+        mode[a][0] = g.x * u[0] + g.y * u[1] + g.z * u[2];
+        for (int k = 0; k < 3; ++k) {
+            const int i = pair_of[k][0], j = pair_of[k][1];
+            mode[a][k + 1] = g[j] * u[i] - g[i] * u[j];
+        }
+    }
+    for (int m = 0; m < 4; ++m) mode[0][m] = -(mode[1][m] + mode[2][m] + mode[3][m]);
+    const R twice_mu = R(2) * mu * volume;
+    for (int a = 0, k = 0; a < 4; ++a) {
+        Vec3<R> weighted[4];
+        for (int m = 0; m < 4; ++m) weighted[m] = weight[m] * mode[a][m];
+        for (int b = 0; b <= a; ++b, ++k) {
+            ScalarOf<R>* to = block(k);
+            Mat3<R> K = load_mat3<R>(to);
+            const R diagonal = twice_mu * dot(p.ghat[a], p.ghat[b]);
+            for (int i = 0; i < 3; ++i) {
+                K.m[i][i] += diagonal;
+                for (int j = 0; j < 3; ++j)
+                    for (int m = 0; m < 4; ++m) K.m[i][j] += weighted[m][i] * mode[b][m][j];
+            }
+            store_mat3<R>(to, K);
+        }
+    }
+}
+
+/// Nodal gradient of an element's principal stress p: dE/dx_a = volume sum_i p_i ghat_a_i u_i [N], for a = 1..3;
+/// node 0's is minus their sum.
+template <class R>
+inline void principal_force(const SignedSvd<R>& svd, const PrincipalGradients<R>& p, const Vec3<R>& stress,
+                            const R& volume, Vec3<R> out[4]) {
+    out[0] = {R(0), R(0), R(0)};
+    for (int a = 1; a < 4; ++a) {
+        const Vec3<R> scaled{volume * stress.x * p.ghat[a].x, volume * stress.y * p.ghat[a].y,
+                             volume * stress.z * p.ghat[a].z};
+        out[a] = svd.U * scaled;
+        out[0] -= out[a];
+    }
+}
+
 /// Adds dPsi/dx of an element with stress P to the gradients of its four nodes [N].
 template <class R>
 inline void add_gradient(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, Vec3<R> out[4]) {

@@ -24,15 +24,15 @@ inline void orthogonalise_columns(Mat3<R>& B, Mat3<R>& V, int p, int q, MaskOf<R
     const Vec3<R> bp = B.column(p), bq = B.column(q);
     const R app = dot(bp, bp), aqq = dot(bq, bq), apq = dot(bp, bq);
     constexpr ScalarOf<R> eps = std::numeric_limits<ScalarOf<R>>::epsilon();
-    const MaskOf<R> rotate = (apq * apq > R(eps * eps) * app * aqq) & (app * aqq > R(0));
+    const MaskOf<R> rotate = (apq * apq > R(16 * eps * eps) * app * aqq) & (app * aqq > R(0));
+    if (!any(rotate)) return;
     converged = converged & !rotate;
-    // The smaller rotation angle that zeroes apq.
-    const R safe_apq = select(rotate, apq, R(1));
-    const R zeta = (aqq - app) / (R(2) * safe_apq);
-    const R bounded = clamp(zeta, R(ScalarOf<R>(-1e15)), R(ScalarOf<R>(1e15)));
-    const R t_abs = R(1) / (absolute(bounded) + square_root(R(1) + bounded * bounded));
-    const R t = select(rotate, select(bounded < R(0), -t_abs, t_abs), R(0));
-    const R c = R(1) / square_root(R(1) + t * t), s = c * t;
+    // The smaller rotation angle that zeroes apq: tan = b / (|d| + hypot(d, b)), with the sign of d.
+    const R d = aqq - app, b = R(2) * apq;
+    const R long_side = absolute(d) + square_root(d * d + b * b);
+    const R scale = R(1) / select(rotate, square_root(long_side * long_side + b * b), R(1));
+    const R c = select(rotate, scale * long_side, R(1));
+    const R s = select(rotate, scale * select(d < R(0), -b, b), R(0));
     for (Mat3<R>* A : {&B, &V})
         for (int i = 0; i < 3; ++i) {
             const R ap = A->m[i][p], aq = A->m[i][q];
@@ -46,6 +46,7 @@ template <class R>
 inline void order_columns(Mat3<R>& B, Mat3<R>& V, int p, int q) {
     const Vec3<R> bp = B.column(p), bq = B.column(q);
     const MaskOf<R> swap = dot(bp, bp) < dot(bq, bq);
+    if (!any(swap)) return;
     for (Mat3<R>* A : {&B, &V})
         for (int i = 0; i < 3; ++i) {
             const R ap = A->m[i][p], aq = A->m[i][q];
@@ -99,8 +100,12 @@ inline SignedSvd<R> signed_svd(const Mat3<R>& F, const Mat3<R>& V_guess) {
     const R n1 = norm(b1_clean);
     const MaskOf<R> has1 = n1 > tiny;
     Vec3<R> u1 = select(has1, (R(1) / select(has1, n1, R(1))) * b1_clean, detail::any_orthogonal(u0));
-    u1 = u1 - dot(u0, u1) * u0;
-    u1 = (R(1) / norm(u1)) * u1;
+    // What was left of b1 beside u0 may be mostly rounding: clean it once more.
+    const MaskOf<R> doubtful = n1 < R(ScalarOf<R>(0.1)) * n0;
+    if (any(doubtful)) {
+        const Vec3<R> again = u1 - dot(u0, u1) * u0;
+        u1 = select(doubtful, (R(1) / norm(again)) * again, u1);
+    }
     const Vec3<R> u2 = cross(u0, u1);
 
     SignedSvd<R> svd;
