@@ -160,7 +160,7 @@ inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
 }
 
 /// Inertia of the nodes: |x - x^|^2 m / 2 dt^2.
-template <class R>
+template <Want want, class R>
 inline void add_inertia(SkinChunk<ScalarOf<R>>& c, ScalarOf<R> inverse_dt2, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
@@ -170,12 +170,13 @@ inline void add_inertia(SkinChunk<ScalarOf<R>>& c, ScalarOf<R> inverse_dt2, Eval
             load_vec3<R>(&c.state.position[3 * i * W]) - load_vec3<R>(&c.scratch.inertia_target[3 * i * W]);
         out.energy += R(ScalarOf<R>(0.5)) * w * dot(d, d);
         add_vec3<R>(&c.scratch.gradient[3 * i * W], w * d);
-        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[i], w * Mat3<R>::identity());
+        if constexpr (want == Want::forces_and_matrix)
+            add_block<R>(c.scratch.blocks.data(), t.diagonal_block[i], w * Mat3<R>::identity());
     }
 }
 
 /// The bone's springs to its targets.
-template <class R>
+template <Want want, class R>
 inline void add_bone_springs(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
@@ -195,34 +196,48 @@ inline void add_bone_springs(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
     }
     add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
     add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
-    ScalarOf<R>* blocks = c.scratch.blocks.data();
-    add_block<R>(blocks, t.diagonal_block[t.bone_position], linear * Mat3<R>::identity());
-    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], angular * Mat3<R>::identity());
+    if constexpr (want == Want::forces_and_matrix) {
+        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[t.bone_position], linear * Mat3<R>::identity());
+        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[t.bone_rotation], angular * Mat3<R>::identity());
+    }
 }
 
-/// Carries gradient and stiffness of the bone nodes over to the bone: dx_a = dp + omega x arm_a.
+/// Carries the gradient of the bone nodes over to the bone: dx_a = dp + omega x arm_a. Returns the curvature that
+/// the turning of the arms adds along omega.
 template <class R>
-inline void carry_to_bone(SkinChunk<ScalarOf<R>>& c, const R& exactness) {
+inline Mat3<R> carry_forces_to_bone(SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const Vec3<R> origin = load_vec3<R>(c.state.bone.data());
+    Vec3<R> force{R(0), R(0), R(0)}, torque{R(0), R(0), R(0)};
+    Mat3<R> turning = Mat3<R>::zero();
+    for (int node : t.bone_nodes) {
+        const Vec3<R> arm = load_vec3<R>(&c.state.position[3 * node * W]) - origin;
+        const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * node * W]);
+        force += g;
+        torque += torque_of(arm, g);
+        turning = turning + turning_curvature(arm, g);
+    }
+    add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
+    add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
+    return turning;
+}
+
+/// Carries the stiffness of the bone nodes over to the bone.
+template <class R>
+inline void carry_stiffness_to_bone(SkinChunk<ScalarOf<R>>& c) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     ScalarOf<R>* blocks = c.scratch.blocks.data();
     auto block = [&](int b) { return load_mat3<R>(blocks + static_cast<std::size_t>(b) * 9 * W); };
     const Vec3<R> origin = load_vec3<R>(c.state.bone.data());
     auto arm = [&](int node) { return load_vec3<R>(&c.state.position[3 * node * W]) - origin; };
-
-    Vec3<R> force{R(0), R(0), R(0)}, torque{R(0), R(0), R(0)};
-    Mat3<R> pp = Mat3<R>::zero(), rp = Mat3<R>::zero(), rr = Mat3<R>::zero(), turning = Mat3<R>::zero();
-    for (int node : t.bone_nodes) {
-        const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * node * W]);
-        force += g;
-        torque += torque_of(arm(node), g);
-        turning = turning + turning_curvature(arm(node), g);
-    }
     for (const auto& edge : t.bone_edges) {
         const Mat3<R> K = block(edge.block);
         add_block<R>(blocks, edge.position, K);
         add_block<R>(blocks, edge.rotation, cross_columns(arm(edge.bone_node), K));
     }
+    Mat3<R> pp = Mat3<R>::zero(), rp = Mat3<R>::zero(), rr = Mat3<R>::zero();
     for (const auto& pair : t.bone_pairs) {
         const Mat3<R> K = block(pair.block), turned = cross_columns(arm(pair.a), K);
         const Mat3<R> both = transpose(cross_columns(arm(pair.b), transpose(turned)));
@@ -234,11 +249,9 @@ inline void carry_to_bone(SkinChunk<ScalarOf<R>>& c, const R& exactness) {
         rp = rp + cross_columns(arm(pair.b), transpose(K));
         rr = rr + transpose(both);
     }
-    add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
-    add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
     add_block<R>(blocks, t.diagonal_block[t.bone_position], pp);
     add_block<R>(blocks, t.bone_cross_block, rp);
-    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr + exactness * turning);
+    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr);
 }
 
 /// Where a point of an object's surface at x was carried from: the motion of the object over the step.
@@ -252,7 +265,7 @@ inline Vec3<R> carried(const Pose<double>& motion, const Vec3<R>& x) {
 }
 
 /// Contact of every sample with every slot's object.
-template <class R>
+template <Want want, class R>
 inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
@@ -287,7 +300,8 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
             out.pending += change * change;
             out.penetration = maximum(-surface.distance, out.penetration);
             add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.gradient);
-            add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], terms.curvature);
+            if constexpr (want == Want::forces_and_matrix)
+                add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], terms.curvature);
             store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
             if (friction) {
                 const Vec3<R> dt = terms.tangential - state.tangential_multiplier;
@@ -316,19 +330,25 @@ inline void add_pending_of_limits(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out)
 }  // namespace detail
 
 /// The Newton matrix is positive definite for exactness 0; for 1 it is exact, and may be indefinite.
-template <class R>
+template <class R, detail::Want want = detail::Want::forces_and_matrix>
 inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, const R& exactness) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
+    constexpr bool with_matrix = want == detail::Want::forces_and_matrix;
     std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), T(0));
-    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
+    if (with_matrix) std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     Evaluation<R> out;
-    detail::add_elements<detail::Want::forces_and_matrix>(c, exactness, out);
-    if (settings.inertia) detail::add_inertia(c, T(1 / (settings.dt * settings.dt)), out);
-    detail::add_bone_springs(c, out);
-    detail::add_contacts(c, out);
-    detail::carry_to_bone(c, exactness);
+    detail::add_elements<want>(c, exactness, out);
+    if (settings.inertia) detail::add_inertia<want>(c, T(1 / (settings.dt * settings.dt)), out);
+    detail::add_bone_springs<want>(c, out);
+    detail::add_contacts<want>(c, out);
+    const Mat3<R> turning = detail::carry_forces_to_bone<R>(c);
+    if (with_matrix) {
+        detail::carry_stiffness_to_bone<R>(c);
+        detail::add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[c.topology->bone_rotation],
+                             exactness * turning);
+    }
     for (int i : c.topology->unknowns) {
         const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * i * W]);
         out.residual += dot(g, g);

@@ -316,7 +316,9 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::keep_base<R>(c, p.active);
     Evaluation<R> e;
     while (true) {
-        e = evaluate<R>(c, settings, p.exactness);
+        const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations))));
+        e = may_step ? evaluate<R>(c, settings, p.exactness)
+                     : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
         detail::LaneDecision<R> d = detail::decide(e, settings, p);
         if (!any(p.active)) break;
 
