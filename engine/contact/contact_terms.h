@@ -27,9 +27,12 @@ struct ContactTerms {
 /// minus stiffness times the current gap, never by a predicted gap.
 /// Friction: E = (|s|^2 - max(0, |s| - r)^2) / 2 k_slip for the slip u_t of this step. Radius and tangent plane
 /// are lagged: were they to follow x, friction would have no potential and line searches would stall.
+/// Curvature of friction that slides: with exactness 1 it has none along the slip; with 0 it has r / |s| k_slip in
+/// every direction, the quadratic above the potential that touches it at the slip. Newton then never jumps over
+/// the slip's end to the other side, and single iterations stay stable.
 template <class R>
 inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<R>& slip, const R& k, const R& k_slip,
-                                     const ContactState<R>& state, bool with_friction) {
+                                     const ContactState<R>& state, bool with_friction, const R& exactness) {
     const R half(ScalarOf<R>(0.5));
     const R force = maximum(state.normal_multiplier - k * surface.distance, R(0));
     const MaskOf<R> active = force > R(0);
@@ -55,8 +58,8 @@ inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<
     t.gradient += t.tangential;
     const Vec3<R> direction = (R(1) / safe) * s;
     const Mat3<R> tangent_plane = Mat3<R>::identity() - outer(n, n);
-    t.curvature =
-        t.curvature + (k_slip * scale) * (tangent_plane - select(slides, R(1), R(0)) * outer(direction, direction));
+    t.curvature = t.curvature +
+                  (k_slip * scale) * (tangent_plane - select(slides, exactness, R(0)) * outer(direction, direction));
     return t;
 }
 

@@ -266,7 +266,7 @@ inline Vec3<R> carried(const Pose<double>& motion, const Vec3<R>& x) {
 
 /// Contact of every sample with every slot's object.
 template <Want want, class R>
-inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
+inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
@@ -293,7 +293,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
             // stiffer than tissue; creep is not a matter of the penalty, its multiplier takes it away.
             const R base = load<R>(&c.rest.contact_penalty[s * W]);
             const R k = base * scale, k_slip = base * minimum(scale, R(16));
-            const ContactTerms<R> terms = contact_terms(surface, slip, k, k_slip, state, friction);
+            const ContactTerms<R> terms = contact_terms(surface, slip, k, k_slip, state, friction, exactness);
             const R change = terms.normal_force - state.normal_multiplier;
             out.energy += terms.energy;
             out.contact_force += terms.normal_force;
@@ -342,7 +342,7 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     detail::add_elements<want>(c, exactness, out);
     if (settings.inertia) detail::add_inertia<want>(c, T(1 / (settings.dt * settings.dt)), out);
     detail::add_bone_springs<want>(c, out);
-    detail::add_contacts<want>(c, out);
+    detail::add_contacts<want>(c, exactness, out);
     const Mat3<R> turning = detail::carry_forces_to_bone<R>(c);
     if (with_matrix) {
         detail::carry_stiffness_to_bone<R>(c);

@@ -245,8 +245,11 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const SolverSettings& s, L
                                 (e.penetration <= R(T(s.contact_tolerance)));
     p.converged = p.converged | (ready & satisfied);
     const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations));
-    d.update = ready & !satisfied & (p.updates < R(T(4 * s.newton_iterations)));
-    d.newton = p.active & !d.retry & !ready & !out_of_budget;
+    // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
+    d.update =
+        ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & (p.updates < R(T(4 * s.newton_iterations)));
+    const MaskOf<R> first = p.iterations <= R(0);
+    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
     p.active = d.retry | d.update | d.newton;
     return d;
 }

@@ -162,7 +162,7 @@ TEST(Derivatives, ContactWithFriction) {
         const Vec3<double> start{1e-3 * u(random), 1e-3 * u(random), 1e-3 * u(random)};
         auto terms = [&](const Numbers& x) {
             const Vec3<double> p{x[0], x[1], x[2]};
-            return contact_terms(surface_point(plane, pose, p), p - start, 1e3, 4e2, state, true);
+            return contact_terms(surface_point(plane, pose, p), p - start, 1e3, 4e2, state, true, 1.0);
         };
         auto energy = [&](const Numbers& x) { return terms(x).energy; };
         const Numbers x{1e-3 * u(random), 1e-3 * u(random), 1e-3 * u(random)};

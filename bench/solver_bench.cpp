@@ -1,0 +1,192 @@
+// The skin solver against its goals: a finger pressed 2.5 mm in 0.25 s on a plane, E = 30 kPa, Poisson 0.45,
+// limits 0.6 / 1.4, friction 0.5, dt = 1 ms. Times are medians over the steps of a press; each is also given in
+// units of T0, the time of one elastic step of one finger written plainly with Eigen, measured in the same run.
+
+#include <benchmark/benchmark.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <cmath>
+#include <map>
+
+#include "bench/eigen_baseline.h"
+#include "engine/build.h"
+#include "engine/skin/solve_skin.h"
+#include "engine/step.h"
+#include "scenes/finger_mesh.h"
+
+namespace palpate {
+namespace {
+
+const TetMesh& finger_of(int elements) {
+    static std::map<int, TetMesh> meshes;
+    const auto found = meshes.find(elements);
+    if (found != meshes.end()) return found->second;
+    FingerTemplates templates;
+    std::string note;
+    FingerMeshRequest request;
+    request.shape = finger_shape("index");
+    request.elements = elements;
+    return meshes[elements] = make_finger_mesh(request, templates, note);
+}
+
+constexpr int case_a = 347, case_b = 4000;
+
+const EigenBaseline& baseline() {
+    static const EigenBaseline t = time_eigen_baseline(finger_of(case_a));
+    return t;
+}
+
+struct Press {
+    std::vector<int> elements;  ///< mesh of each finger
+    int iterations = 1;         ///< Newton iterations in a step; 0 = converged reference
+    int threads = 1;
+    bool limits = true, friction = true;
+    double dt = 1e-3;
+};
+
+/// Height of finger i's target: from just above the plane 2.5 mm down; no two of eight fingers do the same.
+double start_height(const Press& press, std::size_t i, double progress) {
+    double lowest = 0;
+    for (const Point& p : finger_of(press.elements[i]).nodes) lowest = std::min(lowest, p[2]);
+    return 2e-5 * double(1 + i % 8) - lowest - 2.5e-3 * progress;
+}
+
+SceneSpec scene_of(const Press& press, bool single_precision) {
+    SceneSpec spec;
+    spec.solver.dt = press.dt;
+    if (press.iterations > 0) {  // as preset = "real-time"
+        spec.solver.newton_iterations = press.iterations;
+        spec.solver.tolerance = 1e-4;
+        spec.solver.multiplier_tolerance = 1e-3;
+    }
+    for (std::size_t i = 0; i < press.elements.size(); ++i) {
+        FingerSpec f;
+        f.name = "finger";
+        f.mesh = finger_of(press.elements[i]);
+        f.has_limits = press.limits;
+        f.single_precision = single_precision;
+        f.start.position.z = start_height(press, i, 0);
+        spec.fingers.push_back(f);
+    }
+    spec.objects.push_back({"table", {}, Pose<double>::identity(), press.friction ? 0.5 : 0});
+    return spec;
+}
+
+struct Outcome {
+    std::vector<double> step_us;                    ///< the skin solve
+    std::vector<std::vector<Vec3<double>>> forces;  ///< [step][finger and sample]
+    double bytes_per_finger = 0;
+};
+
+template <class T>
+Outcome run_press(const Press& press) {
+    World world = build_world(scene_of(press, sizeof(T) == 4));
+    oneapi::tbb::task_arena arena(press.threads);
+    Outcome out;
+    const int steps = int(std::lround(0.25 / press.dt));
+    for (int step = 1; step <= steps; ++step) {
+        for (std::size_t i = 0; i < press.elements.size(); ++i) {
+            const double z = start_height(press, i, double(step) / steps);
+            world.tracker_poses[i].incoming = {{{0, 0, z}, Quaternion<double>::identity()}, step * press.dt, true};
+        }
+        palpate::step(world, arena);
+        out.step_us.push_back(1e6 * world.profile.solve_skin);
+        auto& row = out.forces.emplace_back();
+        for (const ContactSurface& c : world.contact_surfaces) row.insert(row.end(), c.force.begin(), c.force.end());
+    }
+    out.bytes_per_finger = double(skin_memory_bytes(world)) / double(press.elements.size());
+    return out;
+}
+
+double quantile(std::vector<double> v, double q) {
+    const auto at = v.begin() + std::ptrdiff_t(q * double(v.size() - 1));
+    std::nth_element(v.begin(), at, v.end());
+    return *at;
+}
+
+/// Mean over the steps in contact of sum |F_i - Fref_i| / sum |Fref_i|, and of the same for the total force.
+void report_errors(benchmark::State& state, const Outcome& out, const Outcome& reference) {
+    double field = 0, total = 0;
+    int steps = 0;
+    for (std::size_t k = 0; k < out.forces.size(); ++k) {
+        double difference = 0, size = 0;
+        Vec3<double> sum{0, 0, 0}, sum_reference{0, 0, 0};
+        for (std::size_t i = 0; i < out.forces[k].size(); ++i) {
+            difference += norm(out.forces[k][i] - reference.forces[k][i]);
+            size += norm(reference.forces[k][i]);
+            sum += out.forces[k][i];
+            sum_reference += reference.forces[k][i];
+        }
+        if (size < 1e-6) continue;  // not yet in contact
+        field += difference / size;
+        total += norm(sum - sum_reference) / norm(sum_reference);
+        ++steps;
+    }
+    state.counters["field_error_%"] = 100 * field / steps;
+    state.counters["total_error_%"] = 100 * total / steps;
+}
+
+template <class T>
+void solver(benchmark::State& state, Press press) {
+    static std::map<std::pair<std::vector<int>, int>, Outcome> references;
+    const auto key = std::make_pair(press.elements, 2 * press.limits + press.friction);
+    if (!references.count(key)) {
+        Press converged = press;
+        converged.iterations = 0;
+        references[key] = run_press<double>(converged);
+    }
+    Outcome out;
+    for (auto _ : state) {
+        out = run_press<T>(press);
+        state.SetIterationTime(1e-6 * quantile(out.step_us, 0.5));
+    }
+    const double median = quantile(out.step_us, 0.5);
+    state.counters["T0s"] = median / baseline().all_nodes_us;
+    state.counters["T0s_fixed_bone"] = median / baseline().free_nodes_us;
+    state.counters["us_per_finger"] = median / double(press.elements.size());
+    state.counters["p99_us"] = quantile(out.step_us, 0.99);
+    state.counters["kB_per_finger"] = 1e-3 * out.bytes_per_finger;
+    report_errors(state, out, references[key]);
+}
+
+void eigen_T0(benchmark::State& state) {
+    for (auto _ : state) {
+        const EigenBaseline t = time_eigen_baseline(finger_of(case_a));
+        state.SetIterationTime(1e-6 * t.all_nodes_us);
+        state.counters["fixed_bone_us"] = t.free_nodes_us;
+    }
+    state.counters["double_lanes"] = widest_chunk<double>();
+    state.counters["float_lanes"] = widest_chunk<float>();
+}
+BENCHMARK(eigen_T0)->Iterations(5)->UseManualTime()->Unit(benchmark::kMicrosecond);
+
+std::vector<int> fingers(int count, int elements) { return std::vector<int>(std::size_t(count), elements); }
+const std::vector<int> five_topologies{330, 338, 347, 356, 365};
+
+template <class T>
+void add(const std::string& name, const Press& press) {
+    benchmark::RegisterBenchmark((name + (sizeof(T) == 8 ? "/double" : "/float")).c_str(),
+                                 [press](benchmark::State& state) { solver<T>(state, press); })
+        ->Iterations(3)
+        ->UseManualTime()
+        ->Unit(benchmark::kMicrosecond);
+}
+
+const bool registered = [] {
+    auto both = [](const std::string& name, const Press& press) {
+        add<double>(name, press);
+        add<float>(name, press);
+    };
+    both("goal_1/five_elastic/its_1", {fingers(5, case_a), 1, 1, false, false});
+    for (int its : {1, 2, 3}) both("goal_2/five/its_" + std::to_string(its), {fingers(5, case_a), its});
+    for (int its : {1, 2}) both("goal_3/one/its_" + std::to_string(its), {fingers(1, case_a), its});
+    for (int its : {1, 2})
+        both("goal_4/five_topologies_2_threads/its_" + std::to_string(its), {five_topologies, its, 2});
+    for (int threads : {1, 2})
+        both("goal_5/256_threads_" + std::to_string(threads) + "/its_2", {fingers(256, case_a), 2, threads});
+    for (int its : {1, 2}) both("goal_6/case_b/its_" + std::to_string(its), {fingers(1, case_b), its});
+    return true;
+}();
+
+}  // namespace
+}  // namespace palpate
