@@ -33,7 +33,7 @@ template <class Chunk, class Visit>
 void for_each_array(Chunk& c, Visit visit) {
     auto& r = c.rest;
     for (auto* a : {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty,
-                    &r.mass, &r.contact_penalty, &r.tissue_stiffness, &r.rest_position})
+                    &r.mass, &r.contact_penalty, &r.tissue_stiffness, &r.extent, &r.rest_position})
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
@@ -67,7 +67,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(r.shape_gradients, 9 * E), make(r.volume, E), make(r.mu, E), make(r.lambda, E);
     make(r.limit_low, limits), make(r.limit_high, limits), make(r.limit_penalty, limits);
     make(r.mass, N), make(r.contact_penalty, S);
-    make(r.tissue_stiffness, 1), make(r.rest_position, 3 * N);
+    make(r.tissue_stiffness, 1), make(r.extent, 1), make(r.rest_position, 3 * N);
     auto& s = c.state;
     make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
     make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
@@ -134,6 +134,9 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
     for (std::size_t s = 0; s < t.samples.size(); ++s)
         c.rest.contact_penalty[s * W + lane] = T(p.contact_penalty_factor * E / volume * spacing);
+    double farthest = 0;
+    for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));
+    c.rest.extent[lane] = T(farthest);
     c.rest.tissue_stiffness[lane] = T(5 * E / volume * spacing);
     for (int i = 0; i < t.node_count; ++i) {
         const Point& r = p.mesh->nodes[i];

@@ -41,6 +41,7 @@ struct SkinRest {
     LaneArray<T> mass;                   ///< [node] [kg]
     LaneArray<T> contact_penalty;        ///< [sample] [N/m]
     LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
+    LaneArray<T> extent;                 ///< [1] largest distance of a node from the bone's origin [m]
     LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
 };
 

@@ -186,6 +186,20 @@ inline void reset_lanes(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
         store<R>(&c.scratch.svd[i * W], select(lanes, R(i % 9 % 4 == 0 ? T(1) : T(0)), load<R>(&c.scratch.svd[i * W])));
 }
 
+/// Lanes with a node so far from the bone that no finger could still be meant: they have diverged.
+template <class R>
+inline MaskOf<R> lost_lanes(const SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W3 = 3 * lane_width<R>;
+    const Vec3<R> bone = load_vec3<R>(c.state.bone.data());
+    R farthest(0);
+    for (int i = 0; i < c.topology->node_count; ++i) {
+        const Vec3<R> d = load_vec3<R>(&c.state.position[i * W3]) - bone;
+        farthest = maximum(dot(d, d), farthest);
+    }
+    const R reach = R(30) * load<R>(c.rest.extent.data());
+    return !MaskOf<R>(farthest <= reach * reach);
+}
+
 /// Where each lane stands in its iteration.
 template <class R>
 struct LaneProgress {
@@ -281,7 +295,9 @@ inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& 
     const R excess = maximum(e.violation * R(T(1 / s.limit_tolerance)), e.penetration * R(T(1 / s.contact_tolerance)));
     const R scale = load<R>(c.state.penalty_scale.data());
     const T largest = sizeof(T) == 8 ? T(1e5) : T(4e3);  // beyond, rounding of positions is felt as force
-    const MaskOf<R> slow = lanes & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(largest));
+    // Far outside, where elements are inverted, a violation that stays says nothing about the multipliers.
+    const MaskOf<R> near = e.violation < R(T(0.5));
+    const MaskOf<R> slow = lanes & near & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(largest));
     store<R>(c.state.penalty_scale.data(), select(slow, R(8) * scale, scale));
     p.last_excess = select(lanes, excess, p.last_excess);
 }
@@ -356,6 +372,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         }
         if (any(d.newton | d.retry)) detail::move_from_base<R>(c, d.newton | d.retry, p.alpha);
     }
+    p.failed = p.failed | (mask_from_bits<R>(c.used_lanes) & detail::lost_lanes<R>(c));
     if (any(p.failed)) detail::reset_lanes<R>(c, p.failed);
     detail::update_multipliers<R>(c, mask_from_bits<R>(c.used_lanes) & !p.failed);
     detail::record_status(c, e, p);

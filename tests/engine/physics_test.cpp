@@ -200,7 +200,7 @@ TEST(Physics, RecoversFromScrambledStates) {
     const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
     std::mt19937 random(9);
     std::normal_distribution<double> n;
-    for (int trial = 0; trial < 10; ++trial) {
+    for (int trial = 0; trial < 24; ++trial) {
         auto chunk = make_chunk<double>(mesh, Pose<double>::identity(), {});
         for (double& x : chunk.state.position) x = trial == 0 ? 0 : 0.01 * n(random);
         for (int i = 0; i < 200; ++i) solve_skin(chunk, SolverSettings{});
@@ -208,6 +208,17 @@ TEST(Physics, RecoversFromScrambledStates) {
             for (int d = 0; d < 3; ++d)
                 EXPECT_NEAR(chunk.state.position[3 * i + d], mesh.nodes[i][d], 1e-6) << "trial " << trial;
     }
+}
+
+TEST(Physics, AFingerThatRunsAwayIsResetAndReported) {
+    auto chunk = make_chunk<double>(block_mesh(3, 2, 2, 0.004), Pose<double>::identity(), {});
+    for (int d = 0; d < 3; ++d) chunk.state.velocity[d] = 1e30;
+    solve_skin(chunk, SolverSettings{});
+    EXPECT_TRUE(chunk.status[0].reset);
+    for (double x : chunk.state.position) EXPECT_LT(std::abs(x), 0.1);
+    solve_skin(chunk, SolverSettings{});
+    EXPECT_FALSE(chunk.status[0].reset);
+    EXPECT_TRUE(chunk.status[0].converged);
 }
 
 TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
