@@ -31,11 +31,6 @@ const TetMesh& finger_of(int elements) {
 
 constexpr int case_a = 347, case_b = 4000;
 
-const EigenBaseline& baseline() {
-    static const EigenBaseline t = time_eigen_baseline(finger_of(case_a));
-    return t;
-}
-
 struct Press {
     std::vector<int> elements;  ///< mesh of each finger
     int iterations = 1;         ///< Newton iterations in a step; 0 = converged reference
@@ -129,8 +124,9 @@ void report_errors(benchmark::State& state, const Outcome& out, const Outcome& r
 template <class T>
 void solver(benchmark::State& state, Press press) {
     static std::map<std::pair<std::vector<int>, int>, Outcome> references;
+    const bool compare = press.elements.size() <= 8;  // more fingers repeat what these do
     const auto key = std::make_pair(press.elements, 2 * press.limits + press.friction);
-    if (!references.count(key)) {
+    if (compare && !references.count(key)) {
         Press converged = press;
         converged.iterations = 0;
         references[key] = run_press<double>(converged);
@@ -140,13 +136,15 @@ void solver(benchmark::State& state, Press press) {
         out = run_press<T>(press);
         state.SetIterationTime(1e-6 * quantile(out.step_us, 0.5));
     }
+    // The yardstick is measured anew beside every case: a machine's clock is not the same all day.
+    const EigenBaseline T0 = time_eigen_baseline(finger_of(case_a));
     const double median = quantile(out.step_us, 0.5);
-    state.counters["T0s"] = median / baseline().all_nodes_us;
-    state.counters["T0s_fixed_bone"] = median / baseline().free_nodes_us;
+    state.counters["T0s"] = median / T0.all_nodes_us;
+    state.counters["T0s_fixed_bone"] = median / T0.free_nodes_us;
     state.counters["us_per_finger"] = median / double(press.elements.size());
     state.counters["p99_us"] = quantile(out.step_us, 0.99);
     state.counters["kB_per_finger"] = 1e-3 * out.bytes_per_finger;
-    report_errors(state, out, references[key]);
+    if (compare) report_errors(state, out, references[key]);
 }
 
 void eigen_T0(benchmark::State& state) {

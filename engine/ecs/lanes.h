@@ -28,7 +28,7 @@ struct LaneMask {
 
 template <class T, int W>
 struct Lanes {
-    static_assert(W > 1 && (W & (W - 1)) == 0, "one lane is the plain scalar type");
+    static_assert(W > 1 && (W & (W - 1)) == 0, "a power of two");
     typedef T Vector __attribute__((vector_size(sizeof(T) * W)));
     using Mask = LaneMask<T, W>;
     Vector v;
@@ -62,6 +62,30 @@ struct Lanes {
     friend Mask operator>=(Lanes a, Lanes b) { return {a.v >= b.v}; }
 };
 
+/// One lane that is not the plain scalar type: its code, compiled for a wider processor, has names of its own.
+template <class T>
+struct Lanes<T, 1> {
+    T v;
+
+    Lanes() = default;
+    template <class S>
+    requires std::is_arithmetic_v<S> Lanes(S s) : v(T(s)) {}
+
+    friend Lanes operator+(Lanes a, Lanes b) { return a.v + b.v; }
+    friend Lanes operator-(Lanes a, Lanes b) { return a.v - b.v; }
+    friend Lanes operator*(Lanes a, Lanes b) { return a.v * b.v; }
+    friend Lanes operator/(Lanes a, Lanes b) { return a.v / b.v; }
+    friend Lanes operator-(Lanes a) { return -a.v; }
+    Lanes& operator+=(Lanes b) { return *this = *this + b; }
+    Lanes& operator-=(Lanes b) { return *this = *this - b; }
+    Lanes& operator*=(Lanes b) { return *this = *this * b; }
+
+    friend bool operator<(Lanes a, Lanes b) { return a.v < b.v; }
+    friend bool operator>(Lanes a, Lanes b) { return a.v > b.v; }
+    friend bool operator<=(Lanes a, Lanes b) { return a.v <= b.v; }
+    friend bool operator>=(Lanes a, Lanes b) { return a.v >= b.v; }
+};
+
 template <class Real>
 struct LaneTraits {
     using Scalar = Real;
@@ -74,6 +98,12 @@ struct LaneTraits<Lanes<T, W>> {
     using Mask = LaneMask<T, W>;
     static constexpr int width = W;
 };
+template <class T>
+struct LaneTraits<Lanes<T, 1>> {
+    using Scalar = T;
+    using Mask = bool;
+    static constexpr int width = 1;
+};
 template <class Real>
 using ScalarOf = typename LaneTraits<Real>::Scalar;
 template <class Real>
@@ -85,6 +115,10 @@ inline constexpr int lane_width = LaneTraits<Real>::width;
 
 inline double select(bool m, double a, double b) { return m ? a : b; }
 inline float select(bool m, float a, float b) { return m ? a : b; }
+template <class T>
+inline Lanes<T, 1> select(bool m, Lanes<T, 1> a, Lanes<T, 1> b) {
+    return m ? a : b;
+}
 template <class T, int W>
 inline Lanes<T, W> select(LaneMask<T, W> m, Lanes<T, W> a, Lanes<T, W> b) {
     return Lanes<T, W>(m.bits ? a.v : b.v);
@@ -115,6 +149,10 @@ inline bool all(LaneMask<T, W> m) {
 
 inline double square_root(double a) { return std::sqrt(a); }
 inline float square_root(float a) { return std::sqrt(a); }
+template <class T>
+inline Lanes<T, 1> square_root(Lanes<T, 1> a) {
+    return std::sqrt(a.v);
+}
 template <class T, int W>
 inline Lanes<T, W> square_root(Lanes<T, W> a) {
     Lanes<T, W> r;
@@ -160,24 +198,25 @@ inline Real load(const ScalarOf<Real>* p) {
     }
 }
 template <class Real>
-inline void store(ScalarOf<Real>* p, Real a) {
-    if constexpr (lane_width<Real> == 1)
-        *p = a;
-    else
-        std::memcpy(p, &a.v, sizeof(a.v));
-}
-
-template <class Real>
 inline ScalarOf<Real> lane(const Real& a, int i) {
-    if constexpr (lane_width<Real> == 1)
+    if constexpr (std::is_arithmetic_v<Real>)
         return a;
+    else if constexpr (lane_width<Real> == 1)
+        return a.v;
     else
         return a.v[i];
 }
 template <class Real>
+inline void store(ScalarOf<Real>* p, Real a) {
+    if constexpr (lane_width<Real> == 1)
+        *p = lane(a, 0);
+    else
+        std::memcpy(p, &a.v, sizeof(a.v));
+}
+template <class Real>
 inline void set_lane(Real& a, int i, ScalarOf<Real> s) {
     if constexpr (lane_width<Real> == 1)
-        a = s;
+        a = Real(s);
     else
         a.v[i] = s;
 }

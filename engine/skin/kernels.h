@@ -7,9 +7,11 @@
 namespace palpate::kernels {
 
 void solve_double_1(SkinChunk<double>&, const SolverSettings&);
+void solve_double_1_avx2(SkinChunk<double>&, const SolverSettings&);  // AVX2 on x86-64
 void solve_double_2(SkinChunk<double>&, const SolverSettings&);
 void solve_double_4(SkinChunk<double>&, const SolverSettings&);  // AVX2 on x86-64
 void solve_float_1(SkinChunk<float>&, const SolverSettings&);
+void solve_float_1_avx2(SkinChunk<float>&, const SolverSettings&);  // AVX2 on x86-64
 void solve_float_4(SkinChunk<float>&, const SolverSettings&);
 void solve_float_8(SkinChunk<float>&, const SolverSettings&);  // AVX2 on x86-64
 

@@ -27,7 +27,8 @@ template <>
 void solve_skin(SkinChunk<double>& chunk, const SolverSettings& settings) {
     switch (chunk.width) {
         case 1:
-            return kernels::solve_double_1(chunk, settings);
+            return has_avx2() ? kernels::solve_double_1_avx2(chunk, settings)
+                              : kernels::solve_double_1(chunk, settings);
         case 2:
             return kernels::solve_double_2(chunk, settings);
         default:
@@ -38,7 +39,7 @@ template <>
 void solve_skin(SkinChunk<float>& chunk, const SolverSettings& settings) {
     switch (chunk.width) {
         case 1:
-            return kernels::solve_float_1(chunk, settings);
+            return has_avx2() ? kernels::solve_float_1_avx2(chunk, settings) : kernels::solve_float_1(chunk, settings);
         case 4:
             return kernels::solve_float_4(chunk, settings);
         default:

@@ -249,11 +249,11 @@ TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
 
 TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
     const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
-    auto run = [&](int fingers) {
+    auto run = [&](int fingers, int width) {
         Pose<double> bone = Pose<double>::identity();
         bone.position.z = 0.0045;
         SkinChunk<double> chunk;
-        allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), 4, true, false, 1);
+        allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), width, true, true, 1);
         SkinParameters p;
         p.mesh = &mesh;
         p.has_limits = true;
@@ -264,17 +264,21 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
             set_lane(chunk, lane, lane, p, bone);
         }
         fill_empty_lanes(chunk);
-        chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0};
+        chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5};
         Pose<double> target = bone;
         target.position.z -= 0.003;
         testing::aim_all(chunk, 2000, 2, target);
         for (int i = 0; i < 20; ++i) solve_skin(chunk, SolverSettings{});
         return chunk;
     };
-    const auto alone = run(1), beside = run(3);
-    for (std::size_t i = 0; i < alone.state.position.size(); i += 4)
-        EXPECT_EQ(alone.state.position[i], beside.state.position[i]);
+    const int widest = widest_chunk<double>();
+    const auto single = run(1, 1), alone = run(1, widest), beside = run(std::min(3, widest), widest);
+    for (std::size_t i = 0; i < single.state.position.size(); ++i) {
+        EXPECT_EQ(alone.state.position[i * widest], beside.state.position[i * widest]);
+        EXPECT_EQ(single.state.position[i], beside.state.position[i * widest]);
+    }
     EXPECT_EQ(alone.status[0].newton_iterations, beside.status[0].newton_iterations);
+    EXPECT_EQ(single.status[0].newton_iterations, beside.status[0].newton_iterations);
 }
 
 TEST(Physics, SinglePrecisionAgreesWithDouble) {
