@@ -1,4 +1,4 @@
-// Lane types of 32 bytes, and one lane beside them: compiled for AVX2 and FMA on x86-64, for the plain target
+// Lane types of 32 bytes, and one lane beside them: compiled for AVX2 on x86-64, for the plain target
 // elsewhere.
 #include "engine/skin/kernels.h"
 #include "engine/skin/newton.h"
