@@ -111,6 +111,19 @@ using MaskOf = typename LaneTraits<Real>::Mask;
 template <class Real>
 inline constexpr int lane_width = LaneTraits<Real>::width;
 
+/// Lanes that one finger alone can fill with work of its own (several elements, the rows of a block); void where the
+/// lanes already are fingers, or the processor's are not known to be wide.
+template <class Real>
+struct OwnLanes {
+    using type = void;
+};
+template <class T>
+struct OwnLanes<Lanes<T, 1>> {
+    using type = Lanes<T, 32 / sizeof(T)>;
+};
+template <class Real>
+inline constexpr bool has_own_lanes = !std::is_void_v<typename OwnLanes<Real>::type>;
+
 // ---- selection and reduction; a comparison with NaN is false in every lane ----------------------
 
 inline double select(bool m, double a, double b) { return m ? a : b; }

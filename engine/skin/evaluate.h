@@ -2,6 +2,8 @@
 // One evaluation of the incremental potential of a chunk at its current positions: energy, gradient,
 // positive definite Newton matrix, contact forces, and how far multipliers are from their fixed point.
 
+#include <algorithm>
+
 #include "engine/bodies/pose_spring.h"
 #include "engine/contact/contact_terms.h"
 #include "engine/skin/block_cholesky.h"
@@ -128,34 +130,67 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     store_mat3<R>(candidate, stress);
 }
 
-/// Elasticity and strain limit of every element.
+template <class R>
+inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
+    constexpr int W = lane_width<R>;
+    Vec3<R> x[4], g[3];
+    for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&c.state.position[3 * c.topology->elements[e][a] * W]);
+    for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
+    return deformation_gradient(x, g);
+}
+
+/// Elasticity and strain limit of one element with deformation gradient F.
+template <Want want, class R>
+inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                        const R& exactness, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const auto& nodes = t.elements[e];
+    Vec3<R> g[3], force[4];
+    for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
+    const R volume = load<R>(&c.rest.volume[e * W]);
+    store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
+
+    const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
+    const PrincipalTerms<R> elastic =
+        blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
+                        corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+    out.energy += volume * elastic.energy;
+    const PrincipalGradients<R> principal = principal_gradients(svd, g);
+    principal_force(svd, principal, elastic.stress, volume, force);
+    for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
+    if constexpr (want == Want::forces_and_matrix)
+        add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
+            return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
+        });
+    if (c.has_limits) add_strain_limit<want>(c, e, F, svd, g, volume, exactness, out);
+}
+
+/// Elasticity and strain limit of every element. A finger alone fills the lanes with the decompositions of several
+/// elements.
 template <Want want, class R>
 inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    for (std::size_t e = 0; e < t.elements.size(); ++e) {
-        const auto& nodes = t.elements[e];
-        Vec3<R> x[4], g[3], force[4];
-        for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&c.state.position[3 * nodes[a] * W]);
-        for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
-        const R volume = load<R>(&c.rest.volume[e * W]);
-        const Mat3<R> F = deformation_gradient(x, g);
-        const SignedSvd<R> svd = signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W]));
-        store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
-
-        const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
-        const PrincipalTerms<R> elastic =
-            blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
-                            corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
-        out.energy += volume * elastic.energy;
-        const PrincipalGradients<R> principal = principal_gradients(svd, g);
-        principal_force(svd, principal, elastic.stress, volume, force);
-        for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
-        if constexpr (want == Want::forces_and_matrix)
-            add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
-                return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
-            });
-        if (c.has_limits) add_strain_limit<want>(c, e, F, svd, g, volume, exactness, out);
+    const std::size_t count = c.topology->elements.size();
+    if constexpr (has_own_lanes<R>) {
+        using Own = typename OwnLanes<R>::type;
+        constexpr int batch = lane_width<Own>;
+        Mat3<R> F[batch], guess[batch];
+        SignedSvd<R> svd[batch];
+        for (std::size_t first = 0; first < count; first += batch) {
+            const int n = int(std::min<std::size_t>(batch, count - first));
+            for (int k = 0; k < n; ++k) {
+                F[k] = element_deformation<R>(c, first + k);
+                guess[k] = load_mat3<R>(&c.state.svd_guess[9 * (first + k)]);
+            }
+            signed_svds<Own>(F, guess, n, svd);
+            for (int k = 0; k < n; ++k) add_element<want>(c, first + k, F[k], svd[k], exactness, out);
+        }
+    } else {
+        for (std::size_t e = 0; e < count; ++e) {
+            const Mat3<R> F = element_deformation<R>(c, e);
+            add_element<want>(c, e, F, signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W])), exactness, out);
+        }
     }
 }
 

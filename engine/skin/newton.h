@@ -87,7 +87,7 @@ template <class R>
 inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_pivots) {
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
-    bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data());
+    bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor_columns.data());
     for (int i : t.unknowns)
         store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
     solve_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.permuted.data());
