@@ -35,7 +35,7 @@ struct Lanes {
 
     Lanes() = default;
     template <class S>
-    requires std::is_arithmetic_v<S> Lanes(S s) : v(Vector{} + T(s)) {}
+    requires std::is_arithmetic_v<S> Lanes(S s) : v(T(s) - Vector{}) {}  // s - 0 is s to the compiler; 0 + s is not
     explicit Lanes(Vector vector) : v(vector) {}
 
     friend Lanes operator+(Lanes a, Lanes b) { return Lanes(a.v + b.v); }
