@@ -3,7 +3,9 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "scenes/simulation.h"
 
@@ -19,29 +21,32 @@ Simulation run_scene(const std::vector<std::string>& overrides, int threads) {
     return s;
 }
 
-/// Forces of every finger and step of the reference, solved once.
-const std::vector<Series>& reference() {
-    static const std::vector<Series> series = run_scene({}, 2).finger_series;
-    return series;
+/// Forces of every finger and step of the converged reference with the same time step, solved once.
+const std::vector<Series>& reference(const std::string& dt_ms) {
+    static std::map<std::string, std::vector<Series>> references;
+    const auto [it, fresh] = references.try_emplace(dt_ms);
+    if (fresh) it->second = run_scene({"dt_ms=" + dt_ms}, 2).finger_series;
+    return it->second;
 }
 
 /// Mean net force error over the run, relative to the mean contact force; and the largest [N].
-void report_error(benchmark::State& state, const std::vector<Series>& series) {
+void report_error(benchmark::State& state, const std::vector<Series>& series, const std::vector<Series>& reference) {
     double error = 0, total = 0, worst = 0;
     for (std::size_t f = 0; f < series.size(); ++f)
         for (std::size_t r = 0; r < series[f].rows(); ++r) {
             double squared = 0;
-            for (std::size_t c = 2; c <= 4; ++c) squared += std::pow(series[f].at(r, c) - reference()[f].at(r, c), 2);
+            for (std::size_t c = 2; c <= 4; ++c) squared += std::pow(series[f].at(r, c) - reference[f].at(r, c), 2);
             error += std::sqrt(squared);
             worst = std::max(worst, std::sqrt(squared));
-            total += reference()[f].at(r, 1);
+            total += reference[f].at(r, 1);
         }
     state.counters["force_error_%"] = 100 * error / total;
     state.counters["worst_error_N"] = worst;
 }
 
-void hand(benchmark::State& state, std::vector<std::string> overrides, int threads) {
-    reference();
+void hand(benchmark::State& state, const std::string& dt_ms, std::vector<std::string> overrides, int threads) {
+    reference(dt_ms);
+    overrides.push_back("dt_ms=" + dt_ms);
     for (auto _ : state) {
         const Simulation s = run_scene(overrides, threads);
         double total = 0;
@@ -53,24 +58,31 @@ void hand(benchmark::State& state, std::vector<std::string> overrides, int threa
         }
         state.SetIterationTime(1e-6 * total / double(s.step_series.rows()));
         state.counters["steps_per_s"] = 1e6 * double(s.step_series.rows()) / total;
-        report_error(state, s.finger_series);
+        std::vector<double> steps = s.step_series.column("total_us");
+        std::nth_element(steps.begin(), steps.begin() + std::ptrdiff_t(steps.size() * 99 / 100), steps.end());
+        state.counters["p99_us"] = steps[steps.size() * 99 / 100];
+        report_error(state, s.finger_series, reference(dt_ms));
     }
 }
 
-#define PALPATE_HAND(name, threads, ...)                                          \
-    BENCHMARK_CAPTURE(hand, name, std::vector<std::string>{__VA_ARGS__}, threads) \
-        ->Iterations(1)                                                           \
-        ->UseManualTime()                                                         \
+#define PALPATE_HAND(name, dt_ms, threads, ...)                                          \
+    BENCHMARK_CAPTURE(hand, name, dt_ms, std::vector<std::string>{__VA_ARGS__}, threads) \
+        ->Iterations(1)                                                                  \
+        ->UseManualTime()                                                                \
         ->Unit(benchmark::kMicrosecond)
-PALPATE_HAND(reference_2_threads, 2);
-PALPATE_HAND(reference_1_thread, 1);
-PALPATE_HAND(real_time_2_threads, 2, "solver.preset=real-time");
-PALPATE_HAND(real_time_1_thread, 1, "solver.preset=real-time");
-PALPATE_HAND(iterations_2, 2, "solver.preset=real-time", "solver.newton_iterations=2");
-PALPATE_HAND(iterations_3, 2, "solver.preset=real-time", "solver.newton_iterations=3");
-PALPATE_HAND(iterations_6, 2, "solver.preset=real-time", "solver.newton_iterations=6");
-PALPATE_HAND(iterations_10, 2, "solver.preset=real-time", "solver.newton_iterations=10");
-PALPATE_HAND(real_time_float, 2, "solver.preset=real-time", "solver.precision=float");
+PALPATE_HAND(reference_2_threads, "5", 2);
+PALPATE_HAND(reference_1_thread, "5", 1);
+PALPATE_HAND(real_time_2_threads, "5", 2, "solver.preset=real-time");
+PALPATE_HAND(real_time_1_thread, "5", 1, "solver.preset=real-time");
+PALPATE_HAND(iterations_2, "5", 2, "solver.preset=real-time", "solver.newton_iterations=2");
+PALPATE_HAND(iterations_3, "5", 2, "solver.preset=real-time", "solver.newton_iterations=3");
+PALPATE_HAND(iterations_6, "5", 2, "solver.preset=real-time", "solver.newton_iterations=6");
+PALPATE_HAND(iterations_10, "5", 2, "solver.preset=real-time", "solver.newton_iterations=10");
+PALPATE_HAND(real_time_float, "5", 2, "solver.preset=real-time", "solver.precision=float");
+// Goal 7: the whole loop with a step of 1 ms, p99 below 1 ms.
+PALPATE_HAND(goal_7_iterations_1, "1", 2, "solver.preset=real-time", "solver.newton_iterations=1");
+PALPATE_HAND(goal_7_iterations_2, "1", 2, "solver.preset=real-time", "solver.newton_iterations=2");
+PALPATE_HAND(goal_7_iterations_3, "1", 2, "solver.preset=real-time", "solver.newton_iterations=3");
 
 }  // namespace
 }  // namespace palpate
