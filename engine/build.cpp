@@ -214,6 +214,15 @@ std::vector<Point> finger_positions(const World& world, EntityId finger) {
     });
 }
 
+std::vector<Vec3<double>> bone_reactions(const World& world, EntityId finger) {
+    return with_chunk(world, finger, [](const auto& c, int lane) {
+        std::vector<Vec3<double>> reactions(c.topology->node_count, {0, 0, 0});
+        for (int node : c.topology->bone_nodes)
+            for (int d = 0; d < 3; ++d) reactions[node][d] = c.scratch.gradient[(3 * node + d) * c.width + lane];
+        return reactions;
+    });
+}
+
 Pose<double> bone_pose(const World& world, EntityId finger) {
     return with_chunk(world, finger, [](const auto& c, int lane) {
         auto b = [&](int i) { return double(c.state.bone[i * c.width + lane]); };

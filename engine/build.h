@@ -53,6 +53,9 @@ World build_world(const SceneSpec& spec);
 
 /// One finger's nodes [m], world frame.
 std::vector<Point> finger_positions(const World& world, EntityId finger);
+/// One finger's reactions [N], world frame: at each bone node the force with which the bone holds the skin (inertia
+/// included); zero at free nodes.
+std::vector<Vec3<double>> bone_reactions(const World& world, EntityId finger);
 /// One finger's bone pose, world frame.
 Pose<double> bone_pose(const World& world, EntityId finger);
 /// What the last solve reported for one finger.

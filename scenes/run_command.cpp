@@ -16,7 +16,7 @@ struct RunArguments {
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0;
-    bool quiet = false, json = false;
+    bool quiet = false, json = false, statics = false;
 };
 
 /// A bar on a terminal, nothing elsewhere.
@@ -35,6 +35,7 @@ std::function<void(double)> progress_bar(bool quiet) {
 int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
+    if (a.statics) overrides.push_back("solver.static=true");
     Scene scene = load_scene(a.scene, overrides);
     if (!a.quiet && !a.json)
         for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
@@ -48,8 +49,9 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
     else if (!a.quiet)
-        std::printf("\n%s\n%zu files in %s (picture.svg, plots.svg, summary.json, per finger .csv and .vtu)\n",
-                    to_text(summary).c_str(), files.size(), folder.string().c_str());
+        std::printf(
+            "\n%s\n%zu files in %s (picture.svg, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
+            to_text(summary).c_str(), files.size(), folder.string().c_str());
     if (stop) std::fprintf(stderr, "stopped early at %.3f s; thimbles are in their rest pose\n", simulation.world.time);
     return stop ? 130 : 0;
 }
@@ -68,6 +70,7 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--threads", a->threads, "threads (default: all cores)")->check(CLI::Range(1, 1024));
     c->add_option("--duration", a->duration, "seconds to simulate (default: the scene's)")
         ->check(CLI::Range(1e-3, 1e5));
+    c->add_flag("--static", a->statics, "static equilibrium in every step: no inertia, no damping");
     c->add_flag("--quiet", a->quiet, "print nothing but errors");
     c->add_flag("--json", a->json, "print the summary as JSON");
     return [a, &stop] { return run_scene(*a, stop); };

@@ -26,6 +26,9 @@ void write_pad(const fs::path& path, const World& world, EntityId finger) {
         const Vec3<double> rest = transform(bone, Vec3<double>{r[0], r[1], r[2]});
         for (int d = 0; d < 3; ++d) displacement.values.push_back(1e3 * (now[i][d] - rest[d]));
     }
+    Field reaction{"bone_reaction_N", 3, {}};
+    for (const Vec3<double>& f : bone_reactions(world, finger))
+        for (int d = 0; d < 3; ++d) reaction.values.push_back(f[d]);
     for (int i : mesh.bone_nodes) region.values[i] = 1;
     for (std::size_t s = 0; s < mesh.pad_nodes.size(); ++s) {
         const int i = mesh.pad_nodes[s];
@@ -46,7 +49,30 @@ void write_pad(const fs::path& path, const World& world, EntityId finger) {
         high.values.push_back(sigma[0]);
     }
     mesh.nodes = now;
-    write_vtu(path, mesh, {displacement, force, pressure, region}, {low, high});
+    write_vtu(path, mesh, {displacement, force, reaction, pressure, region}, {low, high});
+}
+
+void write_nodes(const fs::path& path, const World& world, EntityId finger) {
+    const TetMesh& mesh = world.skins.find(finger)->mesh;
+    const ContactSurface& contact = *world.contact_surfaces.find(finger);
+    const Pose<double> bone = bone_pose(world, finger);
+    const std::vector<Point> now = finger_positions(world, finger);
+    const std::vector<Vec3<double>> reaction = bone_reactions(world, finger);
+    std::vector<Vec3<double>> force(mesh.nodes.size(), {0, 0, 0});
+    for (std::size_t s = 0; s < mesh.pad_nodes.size(); ++s) force[mesh.pad_nodes[s]] = contact.force[s];
+    Series series{{"node", "rest_x_mm", "rest_y_mm", "rest_z_mm", "u_x_mm", "u_y_mm", "u_z_mm", "contact_x_N",
+                   "contact_y_N", "contact_z_N", "reaction_x_N", "reaction_y_N", "reaction_z_N"},
+                  {}};
+    for (std::size_t i = 0; i < mesh.nodes.size(); ++i) {
+        const Point& r = mesh.nodes[i];
+        const Vec3<double> rest = transform(bone, Vec3<double>{r[0], r[1], r[2]});
+        series.values.push_back(double(i));
+        for (int d = 0; d < 3; ++d) series.values.push_back(1e3 * rest[d]);
+        for (int d = 0; d < 3; ++d) series.values.push_back(1e3 * (now[i][d] - rest[d]));
+        for (int d = 0; d < 3; ++d) series.values.push_back(force[i][d]);
+        for (int d = 0; d < 3; ++d) series.values.push_back(reaction[i][d]);
+    }
+    write_csv(path, series);
 }
 
 namespace {
@@ -79,6 +105,7 @@ std::vector<fs::path> write_results(const fs::path& folder, const Simulation& s,
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const std::string& name = s.scene.spec.fingers[i].name;
         write_csv(add(name + ".csv"), s.finger_series[i]);
+        write_nodes(add(name + "_nodes.csv"), s.world, s.fingers[i]);
         write_pad(add(name + ".vtu"), s.world, s.fingers[i]);
     }
     write_csv(add("steps.csv"), s.step_series);

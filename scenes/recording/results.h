@@ -13,9 +13,13 @@ namespace palpate {
 std::vector<std::filesystem::path> write_results(const std::filesystem::path& folder, const Simulation& simulation,
                                                  const Summary& summary);
 
-/// A finger's mesh where it is now, with displacement, contact force and pressure per node and principal
-/// stretches per element.
+/// A finger's mesh where it is now, with displacement, contact force, bone reaction and pressure per node and
+/// principal stretches per element.
 void write_pad(const std::filesystem::path& path, const World& world, EntityId finger);
+
+/// The same per node as a table (CSV): rest position carried by the bone [mm], displacement from it [mm], contact
+/// force [N] and bone reaction [N], world frame.
+void write_nodes(const std::filesystem::path& path, const World& world, EntityId finger);
 
 /// Fingers, objects and platforms in an orthographic view, skin coloured by contact pressure.
 void write_picture(const std::filesystem::path& path, const Simulation& simulation);
