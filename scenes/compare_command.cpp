@@ -39,8 +39,12 @@ Plot error_plot(const std::string& finger, const std::vector<ComparedStep>& step
     double low = 1e300, high = -1e300;
     for (const ComparedStep& row : steps) low = std::min(low, row.roll_deg), high = std::max(high, row.roll_deg);
     const bool rolls = high - low > 5;
-    Plot plot{
-        "Force-field error, " + finger, rolls ? "roll angle [degrees]" : "time [s]", "sum |F_i - Fbar_i| [N]", {}, {}};
+    Plot plot{"Force-field error, " + finger,
+              rolls ? "roll angle [degrees]" : "time [s]",
+              "sum |F_i - Fbar_i| [N]",
+              {},
+              {},
+              true};
     for (int m = 0; m < 3; ++m) {
         Curve c{method_titles[m], {}, {}};
         for (const ComparedStep& row : steps) {

@@ -78,9 +78,9 @@ void write_nodes(const fs::path& path, const World& world, EntityId finger) {
 namespace {
 
 std::vector<Plot> plots_of(const Simulation& s) {
-    std::vector<Plot> plots{{"Contact force", "time [s]", "force [N]", {}, {}},
-                            {"Contact area", "time [s]", "area [mm2]", {}, {}},
-                            {"Step time", "time [s]", "wall time [us]", {}, {}}};
+    std::vector<Plot> plots{{"Contact force", "time [s]", "force [N]", {}, {}, false},
+                            {"Contact area", "time [s]", "area [mm2]", {}, {}, false},
+                            {"Step time", "time [s]", "wall time [us]", {}, {}, false}};
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const Series& series = s.finger_series[i];
         const auto time = series.column("time_s");

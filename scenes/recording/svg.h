@@ -20,6 +20,7 @@ struct Plot {
     std::string title, x_label, y_label;
     std::vector<Curve> curves;
     std::vector<Marker> markers;
+    bool log_y = false;  ///< decades; values that are not positive are left out
 };
 
 /// Throws InputError where the file cannot be written.
