@@ -155,6 +155,22 @@ TEST(RealTime, PresetStaysCloseToTheReference) {
     EXPECT_LT(error, 0.02 * total);
 }
 
+TEST(Static, EveryStepIsInEquilibriumAndEndsWhereTheDynamicPressRests) {
+    const std::atomic<bool> stop{false};
+    Simulation statics = make_simulation(load_scene(scenes + "press.toml", {"solver.static=true"}), 1);
+    Simulation dynamic = make_simulation(load_scene(scenes + "press.toml"), 1);
+    run(statics, stop, {});
+    run(dynamic, stop, {});
+    const double force = statics.world.contact_surfaces[0].normal_force;
+    EXPECT_GT(force, 0.5);
+    EXPECT_NEAR(force, dynamic.world.contact_surfaces[0].normal_force, 1e-3 * force);
+    for (double c : statics.finger_series[0].column("converged")) EXPECT_EQ(c, 1);
+    // What the table pushes, the bone holds.
+    Vec3<double> sum = statics.world.contact_surfaces[0].total;
+    for (const Vec3<double>& f : bone_reactions(statics.world, statics.fingers[0])) sum += f;
+    EXPECT_LT(norm(sum), 1e-6 * force);
+}
+
 /// A finger pressed on a table with a coupling that may pull with 2000 N.
 Simulation heavy_press(const ScratchFolder& scratch, double depth_mm, double friction) {
     const auto path = scratch.path / "heavy.toml";
