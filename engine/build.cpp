@@ -60,11 +60,12 @@ std::vector<std::string> SceneSpec::validate() const {
 
 namespace {
 
-/// Fingers of one archetype: same connectivity, same precision.
+/// Fingers of one archetype: same connectivity, precision and material.
 struct Archetype {
     std::shared_ptr<const SkinTopology> topology;
     const TetMesh* mesh;
     bool single_precision;
+    Material material;
     std::vector<int> fingers;
 };
 
@@ -78,12 +79,13 @@ std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {
     for (int i = 0; i < int(spec.fingers.size()); ++i) {
         const FingerSpec& f = spec.fingers[i];
         auto fits = [&](const Archetype& a) {
-            return a.single_precision == f.single_precision && same_connectivity(*a.mesh, f.mesh);
+            return a.single_precision == f.single_precision && a.material == f.material &&
+                   same_connectivity(*a.mesh, f.mesh);
         };
         auto it = std::find_if(archetypes.begin(), archetypes.end(), fits);
         if (it == archetypes.end()) {
             archetypes.push_back(
-                {std::make_shared<SkinTopology>(build_topology(f.mesh)), &f.mesh, f.single_precision, {}});
+                {std::make_shared<SkinTopology>(build_topology(f.mesh)), &f.mesh, f.single_precision, f.material, {}});
             it = std::prev(archetypes.end());
         }
         it->fingers.push_back(i);
@@ -121,6 +123,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         for (std::size_t k = first; k < last; ++k) limits |= spec.fingers[a.fingers[k]].has_limits;
         SkinChunk<T>& chunk = chunks.emplace_back();
         allocate_chunk(chunk, a.topology, width, limits, friction, int(spec.objects.size()));
+        chunk.material = a.material;
         for (std::size_t k = first; k < last; ++k) {
             const int finger = a.fingers[k];
             const FingerSpec& f = spec.fingers[finger];

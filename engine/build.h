@@ -11,7 +11,8 @@ namespace palpate {
 
 struct FingerSpec {
     std::string name;
-    TetMesh mesh;                 ///< finger frame [m], with bone and pad nodes
+    TetMesh mesh;  ///< finger frame [m], with bone and pad nodes
+    Material material = Material::corotational;
     double young_modulus = 30e3;  ///< [Pa]
     double poisson_ratio = 0.45;
     double density = 1050;  ///< [kg/m^3]

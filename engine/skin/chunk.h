@@ -83,6 +83,9 @@ struct SkinScratch {
     LaneArray<T> svd;                   ///< [element][3x3] V at the last evaluation
 };
 
+/// Elasticity of a chunk (isotropic.h).
+enum class Material { corotational, saint_venant_kirchhoff };
+
 /// An object as one chunk sees it in one step.
 struct ContactSlot {
     int object = -1;  ///< row of the object; -1 = empty
@@ -127,6 +130,7 @@ struct SkinChunk {
     std::shared_ptr<const SkinTopology> topology;
     int width = 1;            ///< lanes: 1, 2, 4, 8 or 16
     unsigned used_lanes = 0;  ///< bit per lane that holds a finger
+    Material material = Material::corotational;
     bool has_limits = false;
     bool has_friction = false;
     bool asleep = false;                   ///< skipped by the last step: nothing near it, and nothing moves

@@ -77,6 +77,17 @@ inline void scatter_stress(const Mat3<R>& P, const Vec3<R> g[3], const R& volume
     for (int a = 0; a < 4; ++a) add_vec3<R>(&out[3 * nodes[a] * W], gradient[a]);
 }
 
+/// Stiffness of any isotropic energy of one element.
+template <class R>
+inline void add_general_stiffness(SkinChunk<ScalarOf<R>>& c, std::size_t e, const SignedSvd<R>& svd,
+                                  const PrincipalTerms<R>& terms, const Vec3<R> g[3], const R& volume) {
+    ElementBlocks<R> blocks;
+    for (auto& block : blocks.block) block = Mat3<R>::zero();
+    add_stiffness(svd, terms, g, volume, blocks);
+    for (int b = 0; b < 10; ++b)
+        add_block<R>(c.scratch.blocks.data(), c.topology->element_block[e][b], blocks.block[b]);
+}
+
 /// Strain limit of one element. Adds to gradient and blocks, writes the updated multiplier.
 template <Want want, class R>
 inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
@@ -117,12 +128,7 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
     scatter_stress(stress, g, volume, t.elements[e], c.scratch.gradient.data());
     scatter_stress(stress - multiplier, g, volume, t.elements[e], c.scratch.pending.data());
-    if constexpr (want == Want::forces_and_matrix) {
-        ElementBlocks<R> blocks;
-        for (auto& block : blocks.block) block = Mat3<R>::zero();
-        add_stiffness(shifted, terms, g, volume, blocks);
-        for (int b = 0; b < 10; ++b) add_block<R>(c.scratch.blocks.data(), t.element_block[e][b], blocks.block[b]);
-    }
+    if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, shifted, terms, g, volume);
     R squared(0);
     for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
     out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
@@ -152,17 +158,24 @@ inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>&
     store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
 
     const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
+    const bool general = c.material == Material::saint_venant_kirchhoff;
     const PrincipalTerms<R> elastic =
-        blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
-                        corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+        general ? blend_all_curvature(saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
+                                      saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness)
+                : blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
+                                  corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
     out.energy += volume * elastic.energy;
     const PrincipalGradients<R> principal = principal_gradients(svd, g);
     principal_force(svd, principal, elastic.stress, volume, force);
     for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
-    if constexpr (want == Want::forces_and_matrix)
-        add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
-            return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
-        });
+    if constexpr (want == Want::forces_and_matrix) {
+        if (general)
+            add_general_stiffness(c, e, svd, elastic, g, volume);
+        else
+            add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
+                return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
+            });
+    }
     if (c.has_limits) add_strain_limit<want>(c, e, F, svd, g, volume, exactness, out);
 }
 

@@ -49,6 +49,31 @@ inline PrincipalTerms<R> corotational(const Vec3<R>& sigma, const R& mu, const R
     return t;
 }
 
+/// Psi = mu |E|^2 + lambda/2 tr(E)^2 with E = (F^T F - I) / 2 (St. Venant-Kirchhoff). It softens under strong
+/// compression and does not resist inversion: a material to compare with, not to feel with.
+template <Curvature mode, class R>
+inline PrincipalTerms<R> saint_venant_kirchhoff(const Vec3<R>& sigma, const R& mu, const R& lambda) {
+    const R half(ScalarOf<R>(0.5)), one(1), three(3), zero(0);
+    const Vec3<R> squared{sigma.x * sigma.x, sigma.y * sigma.y, sigma.z * sigma.z};
+    const Vec3<R> E{half * (squared.x - one), half * (squared.y - one), half * (squared.z - one)};
+    const R trace = E.x + E.y + E.z, pressure = lambda * trace;
+    auto bounded = [&](const R& a) { return mode == Curvature::positive ? maximum(a, zero) : a; };
+    PrincipalTerms<R> t;
+    t.energy = mu * dot(E, E) + half * lambda * trace * trace;
+    for (int i = 0; i < 3; ++i) {
+        t.stress[i] = sigma[i] * (mu * (squared[i] - one) + pressure);
+        for (int j = 0; j < 3; ++j) t.curvature[i][j] = lambda * sigma[i] * sigma[j];
+        t.curvature[i][i] += bounded(mu * (three * squared[i] - one) + pressure);
+    }
+    for (int k = 0; k < 3; ++k) {
+        const int i = pair_of[k][0], j = pair_of[k][1];
+        const R even = mu * (squared[i] + squared[j] - one) + pressure, odd = mu * sigma[i] * sigma[j];
+        t.flip[k] = bounded(even + odd);
+        t.twist[k] = bounded(even - odd);
+    }
+    return t;
+}
+
 /// Bounds on the principal stretches as an augmented Lagrangian in the shifted deformation gradient
 /// T = F + Lambda/k (multiplier Lambda [Pa], penalty k [Pa]): Psi = k/2 dist(T, K)^2 with
 /// K = {T : low <= tau_i <= high}. It is isotropic in T, so the arguments are T's singular values.
@@ -86,6 +111,18 @@ inline PrincipalTerms<R> blend_curvature(const PrincipalTerms<R>& exact, const P
                                          const R& share) {
     PrincipalTerms<R> t = positive;
     for (int k = 0; k < 3; ++k) t.twist[k] = positive.twist[k] + share * (exact.twist[k] - positive.twist[k]);
+    return t;
+}
+
+/// The same where stretching and flip terms differ between the two, too.
+template <class R>
+inline PrincipalTerms<R> blend_all_curvature(const PrincipalTerms<R>& exact, const PrincipalTerms<R>& positive,
+                                             const R& share) {
+    PrincipalTerms<R> t = blend_curvature(exact, positive, share);
+    for (int i = 0; i < 3; ++i) {
+        t.flip[i] = positive.flip[i] + share * (exact.flip[i] - positive.flip[i]);
+        t.curvature[i][i] = positive.curvature[i][i] + share * (exact.curvature[i][i] - positive.curvature[i][i]);
+    }
     return t;
 }
 

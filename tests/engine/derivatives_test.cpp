@@ -81,6 +81,17 @@ TEST(Derivatives, CorotationalForceAndHessian) {
     }
 }
 
+TEST(Derivatives, SaintVenantKirchhoffForceAndHessian) {
+    std::mt19937 random(11);
+    for (int trial = 0; trial < 200; ++trial) {
+        const Element e = random_element(random, trial < 100 ? 0.2 : 0.8);
+        check_element(
+            e, Mat3<double>::zero(), 1e4,
+            [](const Vec3<double>& s) { return saint_venant_kirchhoff<Curvature::exact>(s, 1e3, 4e3); }, true);
+        if (HasFailure()) FAIL() << "trial " << trial;
+    }
+}
+
 TEST(Derivatives, StrainLimitForceAndHessian) {
     std::mt19937 random(2);
     std::uniform_real_distribution<double> u(-1, 1);
@@ -114,7 +125,10 @@ TEST(Derivatives, PositiveCurvatureHasNoNegativeEigenvalue) {
         const auto svd = signed_svd(deformation_gradient(p, e.g));
         ElementBlocks<double> blocks;
         for (auto& b : blocks.block) b = Mat3<double>::zero();
-        add_stiffness(svd, corotational<Curvature::positive>(svd.sigma, 1e3, 9e3), e.g, e.volume, blocks);
+        if (trial % 2 == 0)
+            add_stiffness(svd, corotational<Curvature::positive>(svd.sigma, 1e3, 9e3), e.g, e.volume, blocks);
+        else
+            add_stiffness(svd, saint_venant_kirchhoff<Curvature::positive>(svd.sigma, 1e3, 9e3), e.g, e.volume, blocks);
         add_stiffness(svd, strain_limit<Curvature::positive>(svd.sigma, 0.8, 1.2, 1e5), e.g, e.volume, blocks);
         Eigen::Matrix<double, 12, 12> H;
         for (int k = 0; k < 10; ++k)

@@ -63,6 +63,12 @@ TEST(Physics, SingleTetrahedronFollowsTheClosedForm) {
     EXPECT_NEAR(t.stress.y, 0, 1e-10);
     EXPECT_NEAR(t.stress.z, 0, 1e-10);
     EXPECT_NEAR(t.stress.x / 6, 0.0333333333333, 1e-10);  // nodal force of the unit tetrahedron, P / 6
+    // St. Venant-Kirchhoff: P = s E (s^2 - 1) / 2, lateral strain -nu times the axial one.
+    const double thin = std::sqrt(1 - nu * (s * s - 1));
+    const auto v = saint_venant_kirchhoff<Curvature::exact>(Vec3<double>{s, thin, thin}, mu, lambda);
+    EXPECT_NEAR(v.stress.x, s * E * (s * s - 1) / 2, 1e-10);
+    EXPECT_NEAR(v.stress.x / 6, 0.044, 1e-10);
+    EXPECT_NEAR(v.stress.y, 0, 1e-10);
 }
 
 TEST(Physics, PatchTestIsExact) {
