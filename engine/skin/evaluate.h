@@ -136,6 +136,18 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     store_mat3<R>(candidate, stress);
 }
 
+template <Want want, class R>
+void add_saint_venant_kirchhoff(SkinChunk<ScalarOf<R>>& c, std::size_t e, const SignedSvd<R>& svd, const Vec3<R> g[3],
+                                const R& volume, const R& mu, const R& lambda, const R& exactness, Evaluation<R>& out) {
+    const PrincipalTerms<R> terms =
+        blend_all_curvature(saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
+                            saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+    out.energy += volume * terms.energy;
+    scatter_stress(principal_to_matrix(svd, terms.stress), g, volume, c.topology->elements[e],
+                   c.scratch.gradient.data());
+    if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, svd, terms, g, volume);
+}
+
 template <class R>
 inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
     constexpr int W = lane_width<R>;
@@ -158,20 +170,17 @@ inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>&
     store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
 
     const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
-    const bool general = c.material == Material::saint_venant_kirchhoff;
-    const PrincipalTerms<R> elastic =
-        general ? blend_all_curvature(saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
-                                      saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness)
-                : blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
-                                  corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
-    out.energy += volume * elastic.energy;
-    const PrincipalGradients<R> principal = principal_gradients(svd, g);
-    principal_force(svd, principal, elastic.stress, volume, force);
-    for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
-    if constexpr (want == Want::forces_and_matrix) {
-        if (general)
-            add_general_stiffness(c, e, svd, elastic, g, volume);
-        else
+    if (c.material == Material::saint_venant_kirchhoff) {
+        add_saint_venant_kirchhoff<want>(c, e, svd, g, volume, mu, lambda, exactness, out);
+    } else {
+        const PrincipalTerms<R> elastic =
+            blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
+                            corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+        out.energy += volume * elastic.energy;
+        const PrincipalGradients<R> principal = principal_gradients(svd, g);
+        principal_force(svd, principal, elastic.stress, volume, force);
+        for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
+        if constexpr (want == Want::forces_and_matrix)
             add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
                 return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
             });
