@@ -286,7 +286,7 @@ TEST(Derivatives, GradientOfTheWholePotential) {
                 chunk.state.position = position;
                 chunk.state.bone = bone;
             }
-            EXPECT_NEAR((energy[0] - energy[1]) / (2 * h), gradient[3 * u + d], 2e-6 * scale) << u << ", " << d;
+            EXPECT_NEAR((energy[0] - energy[1]) / (2 * h), gradient[3 * u + d], 1e-6 * scale) << u << ", " << d;
         }
 }
 
@@ -327,7 +327,7 @@ TEST(Derivatives, MatrixOfTheWholePotential) {
     const Eigen::VectorXd scale = matrix.diagonal().cwiseAbs().cwiseSqrt();
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j)
-            EXPECT_NEAR(differences(i, j), matrix(i, j), 1e-5 * scale(i) * scale(j)) << i << ", " << j;
+            EXPECT_NEAR(differences(i, j), matrix(i, j), 1e-6 * scale(i) * scale(j)) << i << ", " << j;
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Laws that the skin solver must keep.
 
 #include "engine/skin/evaluate.h"
+#include "engine/skin/kernels.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -255,7 +256,8 @@ TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
 
 TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
     const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
-    auto run = [&](int fingers, int width) {
+    using Solve = void (*)(SkinChunk<double>&, const SolverSettings&);
+    auto run = [&](int fingers, int width, Solve solve = &solve_skin<double>) {
         Pose<double> bone = Pose<double>::identity();
         bone.position.z = 0.0045;
         SkinChunk<double> chunk;
@@ -274,7 +276,7 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
         Pose<double> target = bone;
         target.position.z -= 0.003;
         testing::aim_all(chunk, 2000, 2, target);
-        for (int i = 0; i < 20; ++i) solve_skin(chunk, SolverSettings{});
+        for (int i = 0; i < 20; ++i) solve(chunk, SolverSettings{});
         return chunk;
     };
     const int widest = widest_chunk<double>();
@@ -285,6 +287,12 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
     }
     EXPECT_EQ(alone.status[0].newton_iterations, beside.status[0].newton_iterations);
     EXPECT_EQ(single.status[0].newton_iterations, beside.status[0].newton_iterations);
+    // The kernels of plain processors give the same bits as those of wider ones.
+    const auto plain = run(1, 1, &kernels::solve_double_1), pair = run(2, 2, &kernels::solve_double_2);
+    for (std::size_t i = 0; i < single.state.position.size(); ++i) {
+        EXPECT_EQ(single.state.position[i], plain.state.position[i]);
+        EXPECT_EQ(single.state.position[i], pair.state.position[2 * i]);
+    }
 }
 
 TEST(Physics, SinglePrecisionAgreesWithDouble) {
