@@ -10,6 +10,7 @@
 
 #include "bench/eigen_baseline.h"
 #include "engine/build.h"
+#include "engine/skin/kernels.h"
 #include "engine/skin/solve_skin.h"
 #include "engine/step.h"
 #include "scenes/finger_mesh.h"
@@ -154,8 +155,9 @@ void eigen_T0(benchmark::State& state) {
         state.SetIterationTime(1e-6 * t.all_nodes_us);
         state.counters["fixed_bone_us"] = t.free_nodes_us;
     }
-    state.counters["double_lanes"] = widest_chunk<double>();
-    state.counters["float_lanes"] = widest_chunk<float>();
+    state.SetLabel(best_kernels().instructions);
+    state.counters["double_lanes"] = chunk_width<double>(64);
+    state.counters["float_lanes"] = chunk_width<float>(64);
 }
 BENCHMARK(eigen_T0)->Iterations(5)->UseManualTime()->Unit(benchmark::kMicrosecond);
 

@@ -105,13 +105,6 @@ SkinParameters parameters_of(const FingerSpec& f) {
     return p;
 }
 
-/// Width of the chunk that takes `left` fingers: several share the widest kernel, which is faster than a narrower
-/// one even where lanes stay empty.
-template <class T>
-int chunk_width(int left) {
-    return left == 1 ? 1 : widest_chunk<T>();
-}
-
 template <class T>
 void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks,
                  std::vector<Skin>& skins) {

@@ -1,12 +1,20 @@
 #pragma once
-// A lane type holds one number per finger: `Lanes<T, W>` carries W fingers in one SIMD register
-// group, and plain `double` / `float` is the one-lane case. Kernels are templates over the lane type
-// and use only the functions below, so that one text serves the reference and the real-time solver.
+// A lane type holds one number per finger: `Lanes<T, W>` carries W fingers in one SIMD register, and plain
+// `double` / `float` is the one-lane case. Kernels are templates over the lane type and use only the functions
+// below, so that one text serves the reference and the real-time solver.
+//
+// The third parameter is the width of the processor's registers in bits. It makes code for a wider processor a type
+// of its own, never to be mixed up with code for a plain one, and where it exceeds what W lanes need, the rest of the
+// register takes other work of the same fingers.
 
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
+
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
 
 namespace palpate {
 
@@ -15,8 +23,12 @@ struct MaskInteger {
     using type = std::conditional_t<sizeof(T) == 8, std::int64_t, std::int32_t>;
 };
 
-/// Result of comparing lanes: all bits set where true.
+/// Bits that W lanes of T fill.
 template <class T, int W>
+inline constexpr int lane_bits = 8 * int(sizeof(T)) * W;
+
+/// Result of comparing lanes: all bits set where true.
+template <class T, int W, int Bits = lane_bits<T, W>>
 struct LaneMask {
     typedef typename MaskInteger<T>::type Vector __attribute__((vector_size(sizeof(T) * W)));
     Vector bits;
@@ -26,11 +38,11 @@ struct LaneMask {
     friend LaneMask operator!(LaneMask a) { return {~a.bits}; }
 };
 
-template <class T, int W>
+template <class T, int W, int Bits = lane_bits<T, W>>
 struct Lanes {
     static_assert(W > 1 && (W & (W - 1)) == 0, "a power of two");
     typedef T Vector __attribute__((vector_size(sizeof(T) * W)));
-    using Mask = LaneMask<T, W>;
+    using Mask = LaneMask<T, W, Bits>;
     Vector v;
 
     Lanes() = default;
@@ -62,9 +74,9 @@ struct Lanes {
     friend Mask operator>=(Lanes a, Lanes b) { return {a.v >= b.v}; }
 };
 
-/// One lane that is not the plain scalar type: its code, compiled for a wider processor, has names of its own.
-template <class T>
-struct Lanes<T, 1> {
+/// One lane that is not the plain scalar type: it may fill a register with work of its own.
+template <class T, int Bits>
+struct Lanes<T, 1, Bits> {
     T v;
 
     Lanes() = default;
@@ -92,14 +104,14 @@ struct LaneTraits {
     using Mask = bool;
     static constexpr int width = 1;
 };
-template <class T, int W>
-struct LaneTraits<Lanes<T, W>> {
+template <class T, int W, int Bits>
+struct LaneTraits<Lanes<T, W, Bits>> {
     using Scalar = T;
-    using Mask = LaneMask<T, W>;
+    using Mask = LaneMask<T, W, Bits>;
     static constexpr int width = W;
 };
-template <class T>
-struct LaneTraits<Lanes<T, 1>> {
+template <class T, int Bits>
+struct LaneTraits<Lanes<T, 1, Bits>> {
     using Scalar = T;
     using Mask = bool;
     static constexpr int width = 1;
@@ -111,50 +123,78 @@ using MaskOf = typename LaneTraits<Real>::Mask;
 template <class Real>
 inline constexpr int lane_width = LaneTraits<Real>::width;
 
-/// Lanes that one finger alone can fill with work of its own (several elements, the rows of a block); void where the
-/// lanes already are fingers, or the processor's are not known to be wide.
+/// The whole register, where it is wider than the lanes of its fingers; else void.
 template <class Real>
-struct OwnLanes {
+struct WholeRegister {
     using type = void;
 };
-template <class T>
-struct OwnLanes<Lanes<T, 1>> {
-    using type = Lanes<T, 32 / sizeof(T)>;
+template <class T, int W, int Bits>
+struct WholeRegister<Lanes<T, W, Bits>> {
+    using type = std::conditional_t<(lane_bits<T, W> < Bits), Lanes<T, Bits / lane_bits<T, 1>, Bits>, void>;
+};
+/// Whether a register takes several values of the same fingers, each W lanes wide.
+template <class Real>
+inline constexpr bool shares_register = !std::is_void_v<typename WholeRegister<Real>::type>;
+
+/// Lanes for the rows of a 3x3 block of one finger alone.
+template <class Real>
+struct RowLanes;
+template <class T, int Bits>
+struct RowLanes<Lanes<T, 1, Bits>> {
+    using type = Lanes<T, 4, Bits>;
 };
 template <class Real>
-inline constexpr bool has_own_lanes = !std::is_void_v<typename OwnLanes<Real>::type>;
+inline constexpr bool has_row_lanes = false;
+template <class T, int Bits>
+inline constexpr bool has_row_lanes<Lanes<T, 1, Bits>> = Bits >= 256;
+
+namespace detail {
+/// Bit i is lane i of the mask. The compiler's own code for this takes lane after lane, and solvers ask often.
+template <class T, int W, int Bits>
+inline unsigned sign_bits(LaneMask<T, W, Bits> m) {
+#if defined(__AVX512DQ__)
+    if constexpr (sizeof(m.bits) == 64 && sizeof(T) == 4) return _mm512_movepi32_mask((__m512i)m.bits);
+    if constexpr (sizeof(m.bits) == 64 && sizeof(T) == 8) return _mm512_movepi64_mask((__m512i)m.bits);
+#endif
+#if defined(__AVX__)
+    if constexpr (sizeof(m.bits) == 32 && sizeof(T) == 4) return unsigned(_mm256_movemask_ps((__m256)m.bits));
+    if constexpr (sizeof(m.bits) == 32 && sizeof(T) == 8) return unsigned(_mm256_movemask_pd((__m256d)m.bits));
+#endif
+    unsigned bits = 0;
+    for (int i = 0; i < W; ++i) bits |= m.bits[i] ? 1u << i : 0u;
+    return bits;
+}
+}  // namespace detail
 
 // ---- selection and reduction; a comparison with NaN is false in every lane ----------------------
 
 inline double select(bool m, double a, double b) { return m ? a : b; }
 inline float select(bool m, float a, float b) { return m ? a : b; }
-template <class T>
-inline Lanes<T, 1> select(bool m, Lanes<T, 1> a, Lanes<T, 1> b) {
+template <class T, int Bits>
+inline Lanes<T, 1, Bits> select(bool m, Lanes<T, 1, Bits> a, Lanes<T, 1, Bits> b) {
     return m ? a : b;
 }
-template <class T, int W>
-inline Lanes<T, W> select(LaneMask<T, W> m, Lanes<T, W> a, Lanes<T, W> b) {
-    return Lanes<T, W>(m.bits ? a.v : b.v);
+template <class T, int W, int Bits>
+inline Lanes<T, W, Bits> select(LaneMask<T, W, Bits> m, Lanes<T, W, Bits> a, Lanes<T, W, Bits> b) {
+    return Lanes<T, W, Bits>(m.bits ? a.v : b.v);
 }
-template <class T, int W>
-inline Lanes<T, W> select(LaneMask<T, W> m, Lanes<T, W> a, T b) {
-    return select(m, a, Lanes<T, W>(b));
+template <class T, int W, int Bits>
+inline Lanes<T, W, Bits> select(LaneMask<T, W, Bits> m, Lanes<T, W, Bits> a, T b) {
+    return select(m, a, Lanes<T, W, Bits>(b));
 }
-template <class T, int W>
-inline Lanes<T, W> select(LaneMask<T, W> m, T a, Lanes<T, W> b) {
-    return select(m, Lanes<T, W>(a), b);
+template <class T, int W, int Bits>
+inline Lanes<T, W, Bits> select(LaneMask<T, W, Bits> m, T a, Lanes<T, W, Bits> b) {
+    return select(m, Lanes<T, W, Bits>(a), b);
 }
 
 inline bool any(bool m) { return m; }
 inline bool all(bool m) { return m; }
-template <class T, int W>
-inline bool any(LaneMask<T, W> m) {
-    typename MaskInteger<T>::type r = 0;
-    for (int i = 0; i < W; ++i) r |= m.bits[i];
-    return r != 0;
+template <class T, int W, int Bits>
+inline bool any(LaneMask<T, W, Bits> m) {
+    return detail::sign_bits(m) != 0;
 }
-template <class T, int W>
-inline bool all(LaneMask<T, W> m) {
+template <class T, int W, int Bits>
+inline bool all(LaneMask<T, W, Bits> m) {
     return !any(!m);
 }
 
@@ -162,13 +202,13 @@ inline bool all(LaneMask<T, W> m) {
 
 inline double square_root(double a) { return std::sqrt(a); }
 inline float square_root(float a) { return std::sqrt(a); }
-template <class T>
-inline Lanes<T, 1> square_root(Lanes<T, 1> a) {
+template <class T, int Bits>
+inline Lanes<T, 1, Bits> square_root(Lanes<T, 1, Bits> a) {
     return std::sqrt(a.v);
 }
-template <class T, int W>
-inline Lanes<T, W> square_root(Lanes<T, W> a) {
-    Lanes<T, W> r;
+template <class T, int W, int Bits>
+inline Lanes<T, W, Bits> square_root(Lanes<T, W, Bits> a) {
+    Lanes<T, W, Bits> r;
     for (int i = 0; i < W; ++i) r.v[i] = std::sqrt(a.v[i]);
     return r;
 }
@@ -234,6 +274,18 @@ inline void set_lane(Real& a, int i, ScalarOf<Real> s) {
         a.v[i] = s;
 }
 
+/// Part k of a whole register.
+template <class Part, class Whole>
+inline Part get_part(const Whole& whole, int k) {
+    Part part;
+    std::memcpy(&part.v, reinterpret_cast<const char*>(&whole.v) + k * sizeof(part.v), sizeof(part.v));
+    return part;
+}
+template <class Part, class Whole>
+inline void set_part(Whole& whole, int k, const Part& part) {
+    std::memcpy(reinterpret_cast<char*>(&whole.v) + k * sizeof(part.v), &part.v, sizeof(part.v));
+}
+
 /// A mask whose lane i is `bits` bit i.
 template <class Real>
 inline MaskOf<Real> mask_from_bits(unsigned bits) {
@@ -250,9 +302,7 @@ inline unsigned bits_from_mask(MaskOf<Real> m) {
     if constexpr (lane_width<Real> == 1) {
         return m ? 1u : 0u;
     } else {
-        unsigned bits = 0;
-        for (int i = 0; i < lane_width<Real>; ++i) bits |= m.bits[i] ? 1u << i : 0u;
-        return bits;
+        return detail::sign_bits(m);
     }
 }
 

@@ -62,11 +62,11 @@ inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, i
     return S;
 }
 
-/// The same for a finger alone: the rows of a block side by side in its own lanes, bit for bit. `columns` holds each
-/// factored block once more, by columns that fill a register.
+/// The same for a finger alone: the rows of a block side by side in one register, bit for bit. `columns` holds each
+/// factored block once more, by columns of four.
 template <class R>
 inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* columns, int b) {
-    using V = typename OwnLanes<R>::type;
+    using V = typename RowLanes<R>::type;
     constexpr int W = lane_width<V>;
     V S[3];
     for (int j = 0; j < 3; ++j) {
@@ -86,7 +86,7 @@ inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, c
 
 template <class R>
 inline void store_columns(ScalarOf<R>* to, const Mat3<R>& S) {
-    using V = typename OwnLanes<R>::type;
+    using V = typename RowLanes<R>::type;
     for (int j = 0; j < 3; ++j)
         for (int i = 0; i < 3; ++i) to[j * lane_width<V> + i] = lane(S.m[i][j], 0);
 }
@@ -104,7 +104,7 @@ inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks, ScalarOf<R>* 
         Mat3<R> diagonal;
         for (int b = p.column_start[j]; b < p.column_start[j + 1]; ++b) {
             Mat3<R> S;
-            if constexpr (has_own_lanes<R>)
+            if constexpr (has_row_lanes<R>)
                 S = detail::updated_block<R>(p, blocks, columns, b);
             else
                 S = detail::updated_block<R>(p, blocks, b);
@@ -113,8 +113,8 @@ inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks, ScalarOf<R>* 
             else
                 S = detail::solve_right_transposed(S, diagonal);
             store_mat3<R>(blocks + static_cast<std::size_t>(b) * W9, S);
-            if constexpr (has_own_lanes<R>) {
-                constexpr int W3 = 3 * lane_width<typename OwnLanes<R>::type>;
+            if constexpr (has_row_lanes<R>) {
+                constexpr int W3 = 3 * lane_width<typename RowLanes<R>::type>;
                 detail::store_columns<R>(columns + static_cast<std::size_t>(b) * W3, S);
             }
         }
@@ -124,7 +124,7 @@ inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks, ScalarOf<R>* 
 
 /// Scalars of `columns` per block for a finger alone.
 template <class T>
-inline constexpr std::size_t factor_columns_size = 3 * lane_width<typename OwnLanes<Lanes<T, 1>>::type>;
+inline constexpr std::size_t factor_columns_size = 3 * lane_width<typename RowLanes<Lanes<T, 1, 256>>::type>;
 
 /// Solves L L^T y = b in place; b is [column][xyz][lane] in elimination order.
 template <class R>

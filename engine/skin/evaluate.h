@@ -188,24 +188,23 @@ inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>&
     if (c.has_limits) add_strain_limit<want>(c, e, F, svd, g, volume, exactness, out);
 }
 
-/// Elasticity and strain limit of every element. A finger alone fills the lanes with the decompositions of several
-/// elements.
+/// Elasticity and strain limit of every element. Where a register takes several elements, they are decomposed
+/// together: a decomposition alone is one long chain of operations that wait for each other.
 template <Want want, class R>
 inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
     const std::size_t count = c.topology->elements.size();
-    if constexpr (has_own_lanes<R>) {
-        using Own = typename OwnLanes<R>::type;
-        constexpr int batch = lane_width<Own>;
+    if constexpr (shares_register<R>) {
+        constexpr int batch = lane_width<typename WholeRegister<R>::type> / W;
         Mat3<R> F[batch], guess[batch];
         SignedSvd<R> svd[batch];
         for (std::size_t first = 0; first < count; first += batch) {
             const int n = int(std::min<std::size_t>(batch, count - first));
             for (int k = 0; k < n; ++k) {
                 F[k] = element_deformation<R>(c, first + k);
-                guess[k] = load_mat3<R>(&c.state.svd_guess[9 * (first + k)]);
+                guess[k] = load_mat3<R>(&c.state.svd_guess[9 * (first + k) * W]);
             }
-            signed_svds<Own>(F, guess, n, svd);
+            signed_svds<R>(F, guess, n, svd);
             for (int k = 0; k < n; ++k) add_element<want>(c, first + k, F[k], svd[k], exactness, out);
         }
     } else {

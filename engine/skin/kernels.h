@@ -1,18 +1,33 @@
 #pragma once
-// The kernels of solve_skin, one function per lane type. Each lane type is instantiated in exactly one
-// translation unit, so that code for a wider processor never replaces code for a plain one.
+// The kernels of solve_skin, one function per lane type. Each lane type is instantiated in exactly one translation
+// unit, so that code for a wider processor never replaces code for a plain one.
+
+#include <array>
 
 #include "engine/skin/chunk.h"
 
-namespace palpate::kernels {
+namespace palpate {
 
-void solve_double_1(SkinChunk<double>&, const SolverSettings&);
-void solve_double_1_avx2(SkinChunk<double>&, const SolverSettings&);  // AVX2 on x86-64
-void solve_double_2(SkinChunk<double>&, const SolverSettings&);
-void solve_double_4(SkinChunk<double>&, const SolverSettings&);  // AVX2 on x86-64
-void solve_float_1(SkinChunk<float>&, const SolverSettings&);
-void solve_float_1_avx2(SkinChunk<float>&, const SolverSettings&);  // AVX2 on x86-64
-void solve_float_4(SkinChunk<float>&, const SolverSettings&);
-void solve_float_8(SkinChunk<float>&, const SolverSettings&);  // AVX2 on x86-64
+/// Solves chunks of `width` lanes; width 0 = no such kernel.
+template <class T>
+struct Kernel {
+    int width = 0;
+    void (*solve)(SkinChunk<T>&, const SolverSettings&) = nullptr;
+};
 
-}  // namespace palpate::kernels
+/// The kernels for one instruction set, from narrow to wide. All sets give the same bits.
+struct KernelSet {
+    const char* instructions;
+    std::array<Kernel<double>, 3> for_double;
+    std::array<Kernel<float>, 3> for_float;
+};
+
+extern const KernelSet plain_kernels, avx2_kernels, avx512_kernels;
+
+/// The set for this processor.
+const KernelSet& best_kernels();
+
+template <class T>
+const std::array<Kernel<T>, 3>& kernels_of(const KernelSet& set);
+
+}  // namespace palpate

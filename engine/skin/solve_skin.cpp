@@ -1,50 +1,54 @@
 #include "engine/skin/solve_skin.h"
 
+#include <algorithm>
+
 #include "engine/skin/kernels.h"
 
 namespace palpate {
 
-namespace {
-bool has_avx2() {
+const KernelSet& best_kernels() {
 #if defined(__x86_64__)
-    return __builtin_cpu_supports("avx2");
+    static const KernelSet& best = [&]() -> const KernelSet& {
+        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+            __builtin_cpu_supports("avx512dq"))
+            return avx512_kernels;
+        return __builtin_cpu_supports("avx2") ? avx2_kernels : plain_kernels;
+    }();
+    return best;
 #else
-    return false;
+    return plain_kernels;
 #endif
 }
-}  // namespace
 
 template <>
-int widest_chunk<double>() {
-    return has_avx2() ? 4 : 2;
+const std::array<Kernel<double>, 3>& kernels_of(const KernelSet& set) {
+    return set.for_double;
 }
 template <>
-int widest_chunk<float>() {
-    return has_avx2() ? 8 : 4;
+const std::array<Kernel<float>, 3>& kernels_of(const KernelSet& set) {
+    return set.for_float;
 }
 
-template <>
-void solve_skin(SkinChunk<double>& chunk, const SolverSettings& settings) {
-    switch (chunk.width) {
-        case 1:
-            return has_avx2() ? kernels::solve_double_1_avx2(chunk, settings)
-                              : kernels::solve_double_1(chunk, settings);
-        case 2:
-            return kernels::solve_double_2(chunk, settings);
-        default:
-            return kernels::solve_double_4(chunk, settings);
-    }
+/// The widest kernel that the fingers fill; two or more share one even where lanes stay empty, which is still faster
+/// than one after the other.
+template <class T>
+int chunk_width(int fingers) {
+    const auto& kernels = kernels_of<T>(best_kernels());
+    int width = fingers > 1 ? kernels[1].width : 1;
+    for (const Kernel<T>& k : kernels)
+        if (k.width <= fingers) width = std::max(width, k.width);
+    return width;
 }
-template <>
-void solve_skin(SkinChunk<float>& chunk, const SolverSettings& settings) {
-    switch (chunk.width) {
-        case 1:
-            return has_avx2() ? kernels::solve_float_1_avx2(chunk, settings) : kernels::solve_float_1(chunk, settings);
-        case 4:
-            return kernels::solve_float_4(chunk, settings);
-        default:
-            return kernels::solve_float_8(chunk, settings);
-    }
+
+template <class T>
+void solve_skin(SkinChunk<T>& chunk, const SolverSettings& settings) {
+    for (const Kernel<T>& k : kernels_of<T>(best_kernels()))
+        if (k.width == chunk.width) return k.solve(chunk, settings);
 }
+
+template int chunk_width<double>(int);
+template int chunk_width<float>(int);
+template void solve_skin(SkinChunk<double>&, const SolverSettings&);
+template void solve_skin(SkinChunk<float>&, const SolverSettings&);
 
 }  // namespace palpate

@@ -5,11 +5,12 @@
 
 namespace palpate {
 
-/// Widest chunk worth building on this processor, in lanes of T.
+/// Width of the chunk that takes the first of `fingers` fingers on this processor, in lanes of T.
 template <class T>
-int widest_chunk();
+int chunk_width(int fingers);
 
-/// Advances all fingers of a chunk by one step (newton.h). The chunk's width chooses the kernel.
+/// Advances all fingers of a chunk by one step (newton.h). The chunk's width chooses the kernel; it must be one that
+/// chunk_width gives.
 template <class T>
 void solve_skin(SkinChunk<T>& chunk, const SolverSettings& settings);
 

@@ -122,22 +122,23 @@ inline SignedSvd<R> signed_svd(const Mat3<R>& F) {
     return signed_svd(F, Mat3<R>::identity());
 }
 
-/// The same for several matrices of one finger at once, bit for bit: one matrix per lane of V.
-template <class V, class R>
+/// The same for as many matrices as share one register, bit for bit.
+template <class R>
 inline void signed_svds(const Mat3<R>* F, const Mat3<R>* V_guess, int count, SignedSvd<R>* out) {
-    Mat3<V> packed = Mat3<V>::identity(), guess = Mat3<V>::identity();
+    using Whole = typename WholeRegister<R>::type;
+    Mat3<Whole> packed = Mat3<Whole>::identity(), guess = Mat3<Whole>::identity();
     for (int e = 0; e < count; ++e)
         for (int i = 0; i < 9; ++i) {
-            set_lane(packed.m[i / 3][i % 3], e, lane(F[e].m[i / 3][i % 3], 0));
-            set_lane(guess.m[i / 3][i % 3], e, lane(V_guess[e].m[i / 3][i % 3], 0));
+            set_part(packed.m[i / 3][i % 3], e, F[e].m[i / 3][i % 3]);
+            set_part(guess.m[i / 3][i % 3], e, V_guess[e].m[i / 3][i % 3]);
         }
-    const SignedSvd<V> svd = signed_svd(packed, guess);
+    const SignedSvd<Whole> svd = signed_svd(packed, guess);
     for (int e = 0; e < count; ++e) {
         for (int i = 0; i < 9; ++i) {
-            out[e].U.m[i / 3][i % 3] = R(lane(svd.U.m[i / 3][i % 3], e));
-            out[e].V.m[i / 3][i % 3] = R(lane(svd.V.m[i / 3][i % 3], e));
+            out[e].U.m[i / 3][i % 3] = get_part<R>(svd.U.m[i / 3][i % 3], e);
+            out[e].V.m[i / 3][i % 3] = get_part<R>(svd.V.m[i / 3][i % 3], e);
         }
-        for (int i = 0; i < 3; ++i) out[e].sigma[i] = R(lane(svd.sigma[i], e));
+        for (int i = 0; i < 3; ++i) out[e].sigma[i] = get_part<R>(svd.sigma[i], e);
     }
 }
 

@@ -254,10 +254,16 @@ TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
     }
 }
 
+/// Sets are ordered: a processor runs those up to its best.
+bool runs_here(const KernelSet& set) {
+    return &set == &plain_kernels || &set == &best_kernels() ||
+           (&set == &avx2_kernels && &best_kernels() == &avx512_kernels);
+}
+
 TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
     const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
     using Solve = void (*)(SkinChunk<double>&, const SolverSettings&);
-    auto run = [&](int fingers, int width, Solve solve = &solve_skin<double>) {
+    auto run = [&](int fingers, int width, Solve solve) {
         Pose<double> bone = Pose<double>::identity();
         bone.position.z = 0.0045;
         SkinChunk<double> chunk;
@@ -279,19 +285,19 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
         for (int i = 0; i < 20; ++i) solve(chunk, SolverSettings{});
         return chunk;
     };
-    const int widest = widest_chunk<double>();
-    const auto single = run(1, 1), alone = run(1, widest), beside = run(std::min(3, widest), widest);
-    for (std::size_t i = 0; i < single.state.position.size(); ++i) {
-        EXPECT_EQ(alone.state.position[i * widest], beside.state.position[i * widest]);
-        EXPECT_EQ(single.state.position[i], beside.state.position[i * widest]);
-    }
-    EXPECT_EQ(alone.status[0].newton_iterations, beside.status[0].newton_iterations);
-    EXPECT_EQ(single.status[0].newton_iterations, beside.status[0].newton_iterations);
-    // The kernels of plain processors give the same bits as those of wider ones.
-    const auto plain = run(1, 1, &kernels::solve_double_1), pair = run(2, 2, &kernels::solve_double_2);
-    for (std::size_t i = 0; i < single.state.position.size(); ++i) {
-        EXPECT_EQ(single.state.position[i], plain.state.position[i]);
-        EXPECT_EQ(single.state.position[i], pair.state.position[2 * i]);
+    const auto reference = run(1, 1, plain_kernels.for_double[0].solve);
+    for (const KernelSet* set : {&plain_kernels, &avx2_kernels, &avx512_kernels}) {
+        for (const Kernel<double>& kernel : set->for_double) {
+            const int width = kernel.width;
+            if (width == 0 || !runs_here(*set)) continue;
+            const auto alone = run(1, width, kernel.solve), beside = run(std::min(3, width), width, kernel.solve);
+            for (std::size_t i = 0; i < reference.state.position.size(); ++i) {
+                EXPECT_EQ(reference.state.position[i], alone.state.position[i * width])
+                    << set->instructions << ", " << width << " lanes";
+                EXPECT_EQ(alone.state.position[i * width], beside.state.position[i * width]);
+            }
+            EXPECT_EQ(reference.status[0].newton_iterations, beside.status[0].newton_iterations);
+        }
     }
 }
 
