@@ -62,10 +62,9 @@ void read_solver(Section s, Scene& scene) {
 
 /// Material and limits: of one finger, or of all where the scene's own tables give them.
 void read_material(Section s, FingerSpec& f) {
-    const bool now = f.material == Material::saint_venant_kirchhoff;
-    const std::string kind =
-        s.choice("kind", now ? "st-venant-kirchhoff" : "corotational", {"corotational", "st-venant-kirchhoff"});
-    f.material = kind == "corotational" ? Material::corotational : Material::saint_venant_kirchhoff;
+    const std::vector<std::string> kinds{"corotational", "st-venant-kirchhoff", "neo-hookean"};  // as Material has them
+    const std::string kind = s.choice("kind", kinds[std::size_t(f.material)], kinds);
+    f.material = Material(std::find(kinds.begin(), kinds.end(), kind) - kinds.begin());
     f.young_modulus = s.number("young_kPa", f.young_modulus / kPa, 1e-3, 1e6, kPa);
     f.poisson_ratio = s.number("poisson", f.poisson_ratio, 0, 0.4999);
     f.density = s.number("density_kg_per_m3", f.density, 1, 1e5);

@@ -84,7 +84,7 @@ struct SkinScratch {
 };
 
 /// Elasticity of a chunk (isotropic.h).
-enum class Material { corotational, saint_venant_kirchhoff };
+enum class Material { corotational, saint_venant_kirchhoff, neo_hookean };
 
 /// An object as one chunk sees it in one step.
 struct ContactSlot {

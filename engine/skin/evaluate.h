@@ -136,12 +136,12 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     store_mat3<R>(candidate, stress);
 }
 
+/// Elasticity of any material, from its terms with exact and with positive curvature.
 template <Want want, class R>
-void add_saint_venant_kirchhoff(SkinChunk<ScalarOf<R>>& c, std::size_t e, const SignedSvd<R>& svd, const Vec3<R> g[3],
-                                const R& volume, const R& mu, const R& lambda, const R& exactness, Evaluation<R>& out) {
-    const PrincipalTerms<R> terms =
-        blend_all_curvature(saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
-                            saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+inline void add_elasticity(SkinChunk<ScalarOf<R>>& c, std::size_t e, const SignedSvd<R>& svd, const Vec3<R> g[3],
+                           const R& volume, const PrincipalTerms<R>& exact, const PrincipalTerms<R>& positive,
+                           const R& exactness, Evaluation<R>& out) {
+    const PrincipalTerms<R> terms = blend_all_curvature(exact, positive, exactness);
     out.energy += volume * terms.energy;
     scatter_stress(principal_to_matrix(svd, terms.stress), g, volume, c.topology->elements[e],
                    c.scratch.gradient.data());
@@ -171,7 +171,11 @@ inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>&
 
     const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
     if (c.material == Material::saint_venant_kirchhoff) {
-        add_saint_venant_kirchhoff<want>(c, e, svd, g, volume, mu, lambda, exactness, out);
+        add_elasticity<want>(c, e, svd, g, volume, saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
+                             saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness, out);
+    } else if (c.material == Material::neo_hookean) {
+        add_elasticity<want>(c, e, svd, g, volume, neo_hookean<Curvature::exact>(svd.sigma, mu, lambda),
+                             neo_hookean<Curvature::positive>(svd.sigma, mu, lambda), exactness, out);
     } else {
         const PrincipalTerms<R> elastic =
             blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),

@@ -74,6 +74,66 @@ inline PrincipalTerms<R> saint_venant_kirchhoff(const Vec3<R>& sigma, const R& m
     return t;
 }
 
+namespace detail {
+
+/// J^(-2/3) and its first two derivatives; below J = 0.2, where it would run off to infinity, its expansion to second
+/// order, which goes on to push towards larger J: elements that are flat or inverted feel a finite, restoring force.
+template <class R>
+inline Vec3<R> volume_factor(const R& J) {
+    using T = ScalarOf<R>;
+    const R start(T(0.2));
+    const R inside = maximum(J, start), inverse = R(1) / inside;
+    R root;
+    for (int l = 0; l < lane_width<R>; ++l) set_lane(root, l, std::cbrt(lane(inverse, l)));
+    const R g = root * root, slope = R(T(-2.0 / 3)) * g * inverse, bend = R(T(-5.0 / 3)) * slope * inverse;
+    const R beyond = minimum(J - start, R(0));
+    return {g + beyond * (slope + R(T(0.5)) * beyond * bend), slope + beyond * bend, bend};
+}
+
+/// Symmetric A without its negative eigenvalues: (A + |A|) / 2, |A| = V |sigma| V^T.
+template <class R>
+inline Mat3<R> positive_part(const Mat3<R>& A) {
+    const SignedSvd<R> svd = signed_svd(A);
+    Mat3<R> VS = svd.V;
+    for (int i = 0; i < 9; ++i) VS.m[i / 3][i % 3] *= absolute(svd.sigma[i % 3]);
+    return R(ScalarOf<R>(0.5)) * (A + times_transposed(VS, svd.V));
+}
+
+}  // namespace detail
+
+/// Psi = mu/2 (J^(-2/3) tr(F^T F) - 3) + kappa/2 (J - 1)^2, kappa = lambda + 2 mu / 3: compressible neo-Hookean as
+/// CalculiX writes it, extended to flat and inverted elements (volume_factor).
+template <Curvature mode, class R>
+inline PrincipalTerms<R> neo_hookean(const Vec3<R>& sigma, const R& mu, const R& lambda) {
+    using T = ScalarOf<R>;
+    const R half(T(0.5)), one(1);
+    const R kappa = lambda + R(T(2.0 / 3)) * mu;
+    const R J = sigma.x * sigma.y * sigma.z, I = dot(sigma, sigma);
+    const Vec3<R> dJ{sigma.y * sigma.z, sigma.z * sigma.x, sigma.x * sigma.y};
+    const Vec3<R> g = detail::volume_factor(J);
+    const R pressure = half * mu * g[1] * I + kappa * (J - one), bulk = half * mu * g[2] * I + kappa;
+    PrincipalTerms<R> t;
+    t.energy = half * mu * (g[0] * I - R(3)) + half * kappa * (J - one) * (J - one);
+    for (int i = 0; i < 3; ++i) {
+        t.stress[i] = mu * g[0] * sigma[i] + pressure * dJ[i];
+        for (int j = 0; j < 3; ++j)
+            t.curvature[i][j] = mu * g[1] * (dJ[i] * sigma[j] + sigma[i] * dJ[j]) + bulk * dJ[i] * dJ[j] +
+                                (i == j ? mu * g[0] : pressure * sigma[3 - i - j]);
+    }
+    for (int k = 0; k < 3; ++k) {
+        t.flip[k] = mu * g[0] - pressure * sigma[k];
+        t.twist[k] = mu * g[0] + pressure * sigma[k];
+    }
+    if constexpr (mode == Curvature::positive) {
+        t.curvature = detail::positive_part(t.curvature);
+        for (int k = 0; k < 3; ++k) {
+            t.flip[k] = maximum(t.flip[k], R(0));
+            t.twist[k] = maximum(t.twist[k], R(0));
+        }
+    }
+    return t;
+}
+
 /// Bounds on the principal stretches as an augmented Lagrangian in the shifted deformation gradient
 /// T = F + Lambda/k (multiplier Lambda [Pa], penalty k [Pa]): Psi = k/2 dist(T, K)^2 with
 /// K = {T : low <= tau_i <= high}. It is isotropic in T, so the arguments are T's singular values.
@@ -121,7 +181,8 @@ inline PrincipalTerms<R> blend_all_curvature(const PrincipalTerms<R>& exact, con
     PrincipalTerms<R> t = blend_curvature(exact, positive, share);
     for (int i = 0; i < 3; ++i) {
         t.flip[i] = positive.flip[i] + share * (exact.flip[i] - positive.flip[i]);
-        t.curvature[i][i] = positive.curvature[i][i] + share * (exact.curvature[i][i] - positive.curvature[i][i]);
+        for (int j = 0; j < 3; ++j)
+            t.curvature[i][j] = positive.curvature[i][j] + share * (exact.curvature[i][j] - positive.curvature[i][j]);
     }
     return t;
 }

@@ -92,6 +92,25 @@ TEST(Derivatives, SaintVenantKirchhoffForceAndHessian) {
     }
 }
 
+TEST(Derivatives, NeoHookeanForceAndHessian) {
+    std::mt19937 random(12);
+    int flat = 0;
+    for (int trial = 0; trial < 200; ++trial) {
+        const Element e = random_element(random, trial < 100 ? 0.2 : 0.8);
+        Vec3<double> p[4];
+        unpack(e.x, p);
+        const Vec3<double> s = signed_svd(deformation_gradient(p, e.g)).sigma;
+        const double J = s.x * s.y * s.z;
+        if (std::abs(J - 0.2) < 1e-4) continue;  // third derivatives jump there, and differences see them
+        flat += J < 0.2;
+        check_element(
+            e, Mat3<double>::zero(), 1e4,
+            [](const Vec3<double>& t) { return neo_hookean<Curvature::exact>(t, 1e3, 4e3); }, true);
+        if (HasFailure()) FAIL() << "trial " << trial;
+    }
+    EXPECT_GT(flat, 20);
+}
+
 TEST(Derivatives, StrainLimitForceAndHessian) {
     std::mt19937 random(2);
     std::uniform_real_distribution<double> u(-1, 1);
@@ -125,10 +144,10 @@ TEST(Derivatives, PositiveCurvatureHasNoNegativeEigenvalue) {
         const auto svd = signed_svd(deformation_gradient(p, e.g));
         ElementBlocks<double> blocks;
         for (auto& b : blocks.block) b = Mat3<double>::zero();
-        if (trial % 2 == 0)
-            add_stiffness(svd, corotational<Curvature::positive>(svd.sigma, 1e3, 9e3), e.g, e.volume, blocks);
-        else
-            add_stiffness(svd, saint_venant_kirchhoff<Curvature::positive>(svd.sigma, 1e3, 9e3), e.g, e.volume, blocks);
+        const PrincipalTerms<double> materials[] = {corotational<Curvature::positive>(svd.sigma, 1e3, 9e3),
+                                                    saint_venant_kirchhoff<Curvature::positive>(svd.sigma, 1e3, 9e3),
+                                                    neo_hookean<Curvature::positive>(svd.sigma, 1e3, 9e3)};
+        add_stiffness(svd, materials[trial % 3], e.g, e.volume, blocks);
         add_stiffness(svd, strain_limit<Curvature::positive>(svd.sigma, 0.8, 1.2, 1e5), e.g, e.volume, blocks);
         Eigen::Matrix<double, 12, 12> H;
         for (int k = 0; k < 10; ++k)

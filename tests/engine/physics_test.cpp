@@ -70,6 +70,20 @@ TEST(Physics, SingleTetrahedronFollowsTheClosedForm) {
     EXPECT_NEAR(v.stress.x, s * E * (s * s - 1) / 2, 1e-10);
     EXPECT_NEAR(v.stress.x / 6, 0.044, 1e-10);
     EXPECT_NEAR(v.stress.y, 0, 1e-10);
+    // Neo-Hookean: swelling feels the bulk modulus alone, P = kappa (J - 1) s^2; sliding at constant volume the shear
+    // modulus alone, P_i - P_j s_j / s_i = mu (s_i - s_j^2 / s_i).
+    const auto n = neo_hookean<Curvature::exact>(Vec3<double>{s, s, s}, mu, lambda);
+    EXPECT_NEAR(n.stress.x, (lambda + 2 * mu / 3) * (s * s * s - 1) * s * s, 1e-10);
+    const auto h = neo_hookean<Curvature::exact>(Vec3<double>{s, 1, 1 / s}, mu, lambda);
+    EXPECT_NEAR(s * h.stress.x - h.stress.z / s, mu * (s * s - 1 / (s * s)), 1e-10);
+}
+
+TEST(Physics, AnInvertedNeoHookeanElementIsPushedBack) {
+    for (double s : {0.3, 0.1, 1e-3, 0.0, -1e-3, -0.5, -3.0}) {
+        const auto t = neo_hookean<Curvature::exact>(Vec3<double>{1.1, 0.9, s}, 1e3, 9e3);
+        EXPECT_TRUE(std::isfinite(t.energy));
+        EXPECT_LT(t.stress.z, -1e2) << s;
+    }
 }
 
 TEST(Physics, PatchTestIsExact) {
