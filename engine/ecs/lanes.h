@@ -136,17 +136,15 @@ struct WholeRegister<Lanes<T, W, Bits>> {
 template <class Real>
 inline constexpr bool shares_register = !std::is_void_v<typename WholeRegister<Real>::type>;
 
-/// Lanes for the rows of a 3x3 block of one finger alone.
+/// Lanes for the rows of one finger's matrices: what a register holds.
 template <class Real>
-struct RowLanes;
+struct RowLanes {
+    using type = Lanes<Real, 16 / sizeof(Real)>;  // plain processors
+};
 template <class T, int Bits>
 struct RowLanes<Lanes<T, 1, Bits>> {
-    using type = Lanes<T, 4, Bits>;
+    using type = Lanes<T, Bits / lane_bits<T, 1>, Bits>;
 };
-template <class Real>
-inline constexpr bool has_row_lanes = false;
-template <class T, int Bits>
-inline constexpr bool has_row_lanes<Lanes<T, 1, Bits>> = Bits >= 256;
 
 namespace detail {
 /// Bit i is lane i of the mask. The compiler's own code for this takes lane after lane, and solvers ask often.

@@ -62,69 +62,27 @@ inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, i
     return S;
 }
 
-/// The same for a finger alone: the rows of a block side by side in one register, bit for bit. `columns` holds each
-/// factored block once more, by columns of four.
-template <class R>
-inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* columns, int b) {
-    using V = typename RowLanes<R>::type;
-    constexpr int W = lane_width<V>;
-    V S[3];
-    for (int j = 0; j < 3; ++j) {
-        S[j] = V(0);
-        for (int i = 0; i < 3; ++i) set_lane(S[j], i, blocks[9 * static_cast<std::size_t>(b) + 3 * i + j]);
-    }
-    for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u) {
-        const ScalarOf<R>* A = columns + static_cast<std::size_t>(p.update_a[u]) * 3 * W;
-        const ScalarOf<R>* B = blocks + static_cast<std::size_t>(p.update_b[u]) * 9;
-        const V a0 = load<V>(A), a1 = load<V>(A + W), a2 = load<V>(A + 2 * W);
-        for (int j = 0; j < 3; ++j) S[j] -= a0 * V(B[3 * j]) + a1 * V(B[3 * j + 1]) + a2 * V(B[3 * j + 2]);
-    }
-    Mat3<R> out;
-    for (int i = 0; i < 9; ++i) out.m[i / 3][i % 3] = R(lane(S[i % 3], i / 3));
-    return out;
-}
-
-template <class R>
-inline void store_columns(ScalarOf<R>* to, const Mat3<R>& S) {
-    using V = typename RowLanes<R>::type;
-    for (int j = 0; j < 3; ++j)
-        for (int i = 0; i < 3; ++i) to[j * lane_width<V> + i] = lane(S.m[i][j], 0);
-}
-
 }  // namespace detail
 
-/// Factors in place. Left-looking: each block gathers its updates in registers and is written once. `columns` is work
-/// memory of a finger alone (factor_columns_size), zero at first, and not used where lanes are fingers.
+/// Factors in place. Left-looking: each block gathers its updates in registers and is written once.
 /// Returns per lane the number of pivots that had to be replaced.
 template <class R>
-inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks, ScalarOf<R>* columns = nullptr) {
+inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks) {
     constexpr int W9 = 9 * lane_width<R>;
     R bad_pivots(0);
     for (int j = 0; j < p.columns; ++j) {
         Mat3<R> diagonal;
         for (int b = p.column_start[j]; b < p.column_start[j + 1]; ++b) {
-            Mat3<R> S;
-            if constexpr (has_row_lanes<R>)
-                S = detail::updated_block<R>(p, blocks, columns, b);
-            else
-                S = detail::updated_block<R>(p, blocks, b);
+            Mat3<R> S = detail::updated_block<R>(p, blocks, b);
             if (b == p.column_start[j])
                 S = diagonal = detail::factor_diagonal(S, bad_pivots);
             else
                 S = detail::solve_right_transposed(S, diagonal);
             store_mat3<R>(blocks + static_cast<std::size_t>(b) * W9, S);
-            if constexpr (has_row_lanes<R>) {
-                constexpr int W3 = 3 * lane_width<typename RowLanes<R>::type>;
-                detail::store_columns<R>(columns + static_cast<std::size_t>(b) * W3, S);
-            }
         }
     }
     return bad_pivots;
 }
-
-/// Scalars of `columns` per block for a finger alone.
-template <class T>
-inline constexpr std::size_t factor_columns_size = 3 * lane_width<typename RowLanes<Lanes<T, 1, 256>>::type>;
 
 /// Solves L L^T y = b in place; b is [column][xyz][lane] in elimination order.
 template <class R>

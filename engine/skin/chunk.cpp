@@ -42,9 +42,10 @@ void for_each_array(Chunk& c, Visit visit) {
                     &s.tangential_multiplier, &s.friction_radius, &s.friction_normal, &s.svd_guess, &s.penalty_scale})
         visit(*a);
     auto& w = c.scratch;
-    for (auto* a : {&w.start_position, &w.start_bone, &w.inertia_target, &w.bone_springs, &w.base_position,
-                    &w.base_bone, &w.gradient, &w.pending, &w.direction, &w.permuted, &w.blocks, &w.factor_columns,
-                    &w.limit_candidate, &w.normal_candidate, &w.tangential_candidate, &w.contact_normal, &w.svd})
+    for (auto* a :
+         {&w.start_position, &w.start_bone, &w.inertia_target, &w.bone_springs, &w.base_position, &w.base_bone,
+          &w.gradient, &w.pending, &w.direction, &w.permuted, &w.blocks, &w.panels, &w.panel_work, &w.limit_candidate,
+          &w.normal_candidate, &w.tangential_candidate, &w.contact_normal, &w.svd})
         visit(*a);
 }
 
@@ -82,7 +83,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(w.gradient, 3 * everything), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * everything),
         make(w.permuted, 3 * t.unknowns.size());
     make(w.blocks, 9 * std::size_t(t.block_count)), make(w.limit_candidate, 9 * limits);
-    if (width == 1) make(w.factor_columns, factor_columns_size<T> * std::size_t(t.pattern.block_count));
+    if (width == 1) make(w.panels, t.supernodes.panel_scalars), make(w.panel_work, t.supernodes.work_scalars);
     make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions);
     make(w.contact_normal, 3 * frictions), make(w.svd, 9 * E);
 }

@@ -75,7 +75,7 @@ struct SkinScratch {
     LaneArray<T> direction;  ///< [node, bone][xyz] Newton step
     LaneArray<T> permuted;   ///< [unknown][xyz] right-hand side in elimination order
     LaneArray<T> blocks;     ///< [block][3x3]
-    LaneArray<T> factor_columns;        ///< [block][column] of the factor, for a finger alone in its chunk
+    LaneArray<T> panels, panel_work;    ///< of the supernodal factor, for a finger alone in its chunk
     LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
     LaneArray<T> normal_candidate;      ///< [slot][sample] normal force [N]
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "engine/skin/evaluate.h"
+#include "engine/skin/supernode_cholesky.h"
 
 namespace palpate {
 
@@ -87,10 +88,18 @@ template <class R>
 inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_pivots) {
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
-    bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor_columns.data());
+    constexpr bool alone = lane_width<R> == 1;
+    auto &blocks = c.scratch.blocks, &panels = c.scratch.panels, &work = c.scratch.panel_work;
+    if constexpr (alone)
+        bad_pivots = factor_supernodes<R>(t.supernodes, t.pattern, blocks.data(), panels.data(), work.data());
+    else
+        bad_pivots = factor_blocks<R>(t.pattern, blocks.data());
     for (int i : t.unknowns)
         store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
-    solve_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.permuted.data());
+    if constexpr (alone)
+        solve_supernodes<R>(t.supernodes, panels.data(), c.scratch.permuted.data(), work.data());
+    else
+        solve_blocks<R>(t.pattern, blocks.data(), c.scratch.permuted.data());
     R slope(0);
     for (int i : t.unknowns) {
         const Vec3<R> d = load_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3]);

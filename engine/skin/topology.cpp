@@ -35,8 +35,12 @@ BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency) {
     }
     p.block_count = static_cast<int>(p.row.size());
 
+    return p;
+}
+
+void add_updates(BlockPattern& p) {
     std::vector<std::vector<std::array<int, 2>>> updates(p.block_count);
-    for (int k = 0; k < n; ++k)
+    for (int k = 0; k < p.columns; ++k)
         for (int b = p.column_start[k] + 1; b < p.column_start[k + 1]; ++b)
             for (int a = b; a < p.column_start[k + 1]; ++a) updates[p.find(p.row[a], p.row[b])].push_back({a, b});
     p.update_start.push_back(0);
@@ -47,7 +51,6 @@ BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency) {
         }
         p.update_start.push_back(static_cast<int>(p.update_a.size()));
     }
-    return p;
 }
 
 namespace {
@@ -121,6 +124,7 @@ void build_pattern(SkinTopology& t, const Adjacency& graph, const std::vector<bo
         }
     connect(t.bone_position, t.bone_rotation);
     t.pattern = factor_pattern(permuted);
+    t.supernodes = build_supernodes(t.pattern);
     t.block_count = t.pattern.block_count;
 }
 
@@ -149,7 +153,7 @@ class BoneBlocks {
 
 }  // namespace
 
-SkinTopology build_topology(const TetMesh& mesh) {
+SkinTopology build_topology(const TetMesh& mesh, bool several_lanes) {
     SkinTopology t;
     t.node_count = static_cast<int>(mesh.nodes.size());
     t.bone_position = t.node_count;
@@ -167,6 +171,7 @@ SkinTopology build_topology(const TetMesh& mesh) {
     const Adjacency graph = node_graph(t.elements, t.node_count);
     order_unknowns(t, graph, in_bone);
     build_pattern(t, graph, in_bone);
+    if (several_lanes) add_updates(t.pattern);
 
     BoneBlocks bone(t);
     auto order = [&](int node) { return in_bone[node] ? t.node_count + 2 + node : t.elimination[node]; };

@@ -5,12 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "engine/skin/supernodes.h"
 #include "meshes/tet_mesh.h"
 
 namespace palpate {
 
 /// Lower triangle of a symmetric matrix of 3x3 blocks after elimination-order permutation, stored by
-/// columns, with the update program of its Cholesky factor. Blocks are numbered 0..block_count-1.
+/// columns, with the update program of its Cholesky factor (add_updates). Blocks are numbered 0..block_count-1.
 struct BlockPattern {
     int columns = 0;
     int block_count = 0;
@@ -26,6 +27,8 @@ struct BlockPattern {
 
 /// Symbolic factorisation of a graph: `adjacency[i]` lists the neighbours of i in elimination order.
 BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency);
+/// Writes the update program, which only factor_blocks needs, and which grows faster than the factor.
+void add_updates(BlockPattern& pattern);
 
 /// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
 /// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
@@ -37,6 +40,7 @@ struct SkinTopology {
     std::vector<int> unknowns;        ///< free nodes, bone_position, bone_rotation
     std::vector<int> elimination;     ///< [node_count + 2] -> elimination position; -1 for bone nodes
     BlockPattern pattern;             ///< of the unknowns
+    SupernodeFactor supernodes;       ///< the same factor in panels
     int block_count = 0;              ///< the pattern's, then blocks of bone nodes, which `bone_edges` and
                                       ///< `bone_pairs` carry over to the bone's unknowns
     std::vector<int> diagonal_block;  ///< [node_count + 2]
@@ -62,6 +66,7 @@ struct SkinTopology {
     std::vector<int> samples;  ///< nodes at which contact is decided
 };
 
-SkinTopology build_topology(const TetMesh& mesh);
+/// `several_lanes`: for chunks of more than one lane, too.
+SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true);
 
 }  // namespace palpate

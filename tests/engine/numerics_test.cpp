@@ -1,8 +1,8 @@
 // Lanes, singular values, block Cholesky, tables.
 
 #include "engine/ecs/table.h"
-#include "engine/skin/block_cholesky.h"
 #include "engine/skin/isotropic.h"
+#include "engine/skin/supernode_cholesky.h"
 #include "engine/skin/svd3.h"
 #include "tests/support.h"
 
@@ -91,7 +91,8 @@ TEST(BlockCholesky, SolvesARandomSystem) {
         adjacency[a].push_back(b);
         adjacency[b].push_back(a);
     }
-    const BlockPattern pattern = factor_pattern(adjacency);
+    BlockPattern pattern = factor_pattern(adjacency);
+    add_updates(pattern);
     Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3 * size, 3 * size);
     LaneArray<double> blocks(9 * std::size_t(pattern.block_count), 0.0);
     for (int i = 0; i < size; ++i) {
@@ -108,13 +109,19 @@ TEST(BlockCholesky, SolvesARandomSystem) {
         }
     Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(3 * size, [&] { return n(random); });
     LaneArray<double> x(right.data(), right.data() + right.size());
+    const SupernodeFactor f = build_supernodes(pattern);
+    LaneArray<double> panels(f.panel_scalars, 0.0), work(f.work_scalars, 0.0), y = x;
+    EXPECT_EQ(factor_supernodes<double>(f, pattern, blocks.data(), panels.data(), work.data()), 0);
+    solve_supernodes<double>(f, panels.data(), y.data(), work.data());
     EXPECT_EQ(factor_blocks<double>(pattern, blocks.data()), 0);
     solve_blocks<double>(pattern, blocks.data(), x.data());
     EXPECT_LT((A * Eigen::Map<Eigen::VectorXd>(x.data(), 3 * size) - right).norm(), 1e-11 * right.norm());
+    EXPECT_EQ(x, y);  // to the last bit
 }
 
 TEST(BlockCholesky, CountsPivotsThatAreNotPositive) {
-    const BlockPattern pattern = factor_pattern({{}});
+    BlockPattern pattern = factor_pattern({{}});
+    add_updates(pattern);
     LaneArray<double> block{1, 0, 0, 0, -1, 0, 0, 0, 1};
     EXPECT_EQ(factor_blocks<double>(pattern, block.data()), 1);
     for (double x : block) EXPECT_TRUE(std::isfinite(x));
