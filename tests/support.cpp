@@ -42,8 +42,8 @@ TetMesh block_mesh(int nx, int ny, int nz, double h) {
 template <class T>
 SkinChunk<T> make_chunk(const TetMesh& mesh, const Pose<double>& bone, const ChunkOptions& o) {
     SkinChunk<T> chunk;
-    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), o.width, o.limits, o.friction,
-                   o.objects);
+    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh, o.width > 1)), o.width, o.limits,
+                   o.friction, o.objects);
     SkinParameters p;
     p.mesh = &mesh;
     p.young_modulus = {o.young};

@@ -1,4 +1,4 @@
-// The order of the time stepping, observed.
+// Orders of convergence in time and space, observed.
 
 #include "tests/support.h"
 
@@ -36,6 +36,46 @@ TEST(Convergence, TimeSteppingIsOfFirstOrder) {
     EXPECT_NEAR(std::log2(coarse / middle), 1, 0.25);
     EXPECT_NEAR(std::log2(middle / fine), 1, 0.2);
     std::printf("observed order in dt: %.2f, %.2f\n", std::log2(coarse / middle), std::log2(middle / fine));
+}
+
+/// Root mean square error of the displacement field of a block of 12 mm, `cells` cells to an edge, that its bone pulls
+/// with constant acceleration. Without lateral contraction it stretches like a bar under its own weight,
+/// u = rho a / E (L s - s^2 / 2) at the distance s from the bone.
+double error_of_pulled_block(int cells) {
+    const double length = 0.012, acceleration = 0.02, density = 1050, young = 30e3;
+    const TetMesh mesh = testing::block_mesh(cells, cells, cells, length / cells);
+    auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
+                                             {.limits = false, .objects = 0, .young = young, .poisson = 0});
+    SolverSettings settings;
+    settings.dt = 0.02;
+    settings.tolerance = 1e-9;
+    for (int k = 1; k <= 12; ++k) {
+        Pose<double> target = Pose<double>::identity();
+        target.position.z = 0.5 * acceleration * std::pow(settings.dt * k, 2);
+        testing::aim_all(chunk, 1e5, 1e3, target);
+        solve_skin(chunk, settings);
+    }
+    const Vec3<double> bone = load_vec3<double>(chunk.state.bone.data());
+    double squared = 0;
+    for (const auto& tet : mesh.tets) {
+        Vec3<double> mean{0, 0, 0};
+        double s = 0;
+        for (int i : tet) {
+            const Point& p = mesh.nodes[i];
+            mean += 0.25 * (load_vec3<double>(&chunk.state.position[3 * i]) - bone - Vec3<double>{p[0], p[1], p[2]});
+            s += 0.25 * (0.5 * length - p[2]);
+        }
+        mean.z += density * acceleration / young * (length * s - s * s / 2);
+        squared += dot(mean, mean);
+    }
+    return std::sqrt(squared / double(mesh.tets.size()));
+}
+
+TEST(Convergence, DisplacementsAreOfSecondOrder) {
+    const double coarse = error_of_pulled_block(4), middle = error_of_pulled_block(8), fine = error_of_pulled_block(16);
+    EXPECT_NEAR(std::log2(coarse / middle), 2, 0.4);
+    EXPECT_NEAR(std::log2(middle / fine), 2, 0.2);
+    std::printf("observed order in displacement: %.2f, %.2f\n", std::log2(coarse / middle), std::log2(middle / fine));
 }
 
 }  // namespace

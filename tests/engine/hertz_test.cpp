@@ -1,0 +1,93 @@
+// Contact against a closed form: a rigid sphere pressed into a deep elastic block (Hertz 1882).
+
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+constexpr double young = 30e3, poisson = 0.3, contact_radius = 1e-3, sphere_radius = 0.1;
+
+/// Distance from the middle after `cells` cells: equal ones up to the contact's rim, growing ones beyond.
+double graded(double cells, int fine) {
+    const double h = contact_radius / fine, inner = std::ceil(1.25 * fine), growth = 1.5;
+    if (cells <= inner) return cells * h;
+    return h * (inner + growth * (std::pow(growth, cells - inner) - 1) / (growth - 1));
+}
+
+/// A block whose bottom touches z = 0, refined around the origin: `fine` cells across the contact's radius.
+TetMesh half_space(int fine) {
+    int cells = 0;
+    while (graded(cells, fine) < 15 * contact_radius) ++cells;
+    TetMesh mesh = testing::block_mesh(2 * cells, 2 * cells, cells, 1);
+    for (Point& p : mesh.nodes) {
+        for (int d : {0, 1}) p[d] = std::copysign(graded(std::abs(p[d]), fine), p[d]);
+        p[2] = graded(p[2] + 0.5 * cells, fine);
+    }
+    return mesh;
+}
+
+struct Indentation {
+    double force, peak_pressure;
+    double depth, level;  ///< how much deeper the sphere's top went than the point of the axis at height `level`
+};
+
+Indentation indent(int fine) {
+    const TetMesh mesh = half_space(fine);
+    auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
+                                             {.limits = false, .young = young, .poisson = poisson});
+    const double depth = contact_radius * contact_radius / sphere_radius;
+    Pose<double> sphere = Pose<double>::identity();
+    sphere.position.z = depth - sphere_radius;
+    const Shape shape{ShapeKind::sphere, {sphere_radius, 0, 0}};
+    chunk.slots[0] = {0, shape, sphere, Pose<double>::identity(), 0};
+    testing::aim_all(chunk, 1e7, 1e5, Pose<double>::identity());
+    SolverSettings s;
+    s.inertia = false;
+    s.contact_tolerance = 1e-9;
+    for (int i = 0; i < 3 && !(i > 0 && chunk.status[0].converged); ++i) solve_skin(chunk, s);
+    EXPECT_TRUE(chunk.status[0].converged);
+    Indentation out{chunk.status[0].contact_force_N, 0, 0, 0};
+    const double h = contact_radius / fine;
+    auto on_axis = [&](int i) { return std::abs(mesh.nodes[i][0]) + std::abs(mesh.nodes[i][1]) < 1e-9; };
+    for (int i = 0; i < int(mesh.nodes.size()); ++i)
+        if (on_axis(i) && mesh.nodes[i][2] < 7 * contact_radius && mesh.nodes[i][2] > out.level) {
+            out.level = mesh.nodes[i][2];
+            out.depth = depth - (chunk.state.position[3 * i + 2] - out.level);
+        }
+    for (std::size_t i = 0; i < mesh.pad_nodes.size(); ++i)
+        if (on_axis(mesh.pad_nodes[i])) out.peak_pressure = chunk.state.normal_multiplier[i] / (h * h);
+    return out;
+}
+
+/// What theory says for a half-space: the force at which the sphere's top has come `depth` nearer to the point of the
+/// axis at `level`, which itself moves as under a point load.
+double force_of(double depth, double level) {
+    const double modulus = young / (1 - poisson * poisson);
+    double force = 0;
+    for (int i = 0; i < 100; ++i) {
+        const double carried = force * (1 + poisson) * (3 - 2 * poisson) / (2 * M_PI * young * level);
+        force = 4.0 / 3 * modulus * std::sqrt(sphere_radius) * std::pow(depth + carried, 1.5);
+    }
+    return force;
+}
+
+TEST(Hertz, SphereOnADeepBlock) {
+    const double modulus = young / (1 - poisson * poisson);
+    double last_force = 1, last_pressure = 1;
+    for (int fine : {2, 3, 4}) {
+        const Indentation found = indent(fine);
+        const double force = found.force / force_of(found.depth, found.level) - 1;
+        const double peak = std::cbrt(6 * found.force * modulus * modulus / (sphere_radius * sphere_radius)) / M_PI;
+        const double pressure = found.peak_pressure / peak - 1;
+        std::printf("%d cells across the contact's radius: force %+.1f %%, peak pressure %+.1f %%\n", fine, 100 * force,
+                    100 * pressure);
+        EXPECT_LT(std::abs(force), last_force);
+        EXPECT_LT(std::abs(pressure), last_pressure);
+        last_force = std::abs(force), last_pressure = std::abs(pressure);
+    }
+    EXPECT_LT(last_force, 0.05);
+    EXPECT_LT(last_pressure, 0.05);
+}
+
+}  // namespace
+}  // namespace palpate
