@@ -178,6 +178,26 @@ TEST(Physics, StrainLimitsHoldUnderAnyCouplingForce) {
     }
 }
 
+TEST(Physics, TheToleranceOfTheLimitsIsAPrice) {
+    int last = 0;
+    for (double tolerance : {1e-1, 1e-3, 1e-6}) {
+        SolverSettings s;
+        s.limit_tolerance = tolerance;
+        auto chunk = pressed(0.0025, 5e-3, {.low = 0.9, .high = 1.1}, 1, 0, 0);
+        const Pose<double> target{{0, 0, 0.0036}, Quaternion<double>::identity()};
+        testing::aim_all(chunk, 2000, 20, target);
+        int iterations = 0;
+        for (int i = 0; i < 20; ++i) {
+            solve_skin(chunk, s);
+            EXPECT_TRUE(chunk.status[0].converged);
+            EXPECT_LE(chunk.status[0].limit_violation, tolerance);
+            iterations += chunk.status[0].newton_iterations;
+        }
+        EXPECT_GE(iterations, last);
+        last = iterations;
+    }
+}
+
 TEST(Physics, TightLimitsAreActiveAndHold) {
     auto chunk = pressed(0.0025, 5e-3, {.low = 0.9, .high = 1.1}, 60);
     EXPECT_GT(chunk.status[0].limited_elements, 20);

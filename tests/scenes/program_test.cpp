@@ -137,6 +137,34 @@ INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene,
                          ::testing::Values("press", "edge", "ball", "roll", "hand", "recorded_hand"),
                          [](const auto& i) { return i.param; });
 
+/// Contact forces of all fingers, samples and steps.
+std::vector<std::vector<Vec3<double>>> force_fields(const std::string& scene,
+                                                    const std::vector<std::string>& settings) {
+    Simulation s = make_simulation(load_scene(scenes + scene + ".toml", settings), 2);
+    std::vector<std::vector<Vec3<double>>> steps;
+    while (s.world.time < s.scene.duration - 1e-9) {
+        advance(s);
+        auto& fields = steps.emplace_back();
+        for (const ContactSurface& c : s.world.contact_surfaces)
+            fields.insert(fields.end(), c.force.begin(), c.force.end());
+    }
+    return steps;
+}
+
+TEST_P(EveryScene, FloatGivesTheForcesOfDouble) {
+    const std::vector<std::string> doubles{"solver.preset=real-time"};
+    const std::vector<std::string> floats{"solver.preset=real-time", "solver.precision=float"};
+    const auto d = force_fields(GetParam(), doubles), f = force_fields(GetParam(), floats);
+    double difference = 0, size = 0;
+    for (std::size_t k = 0; k < d.size(); ++k)
+        for (std::size_t i = 0; i < d[k].size(); ++i) {
+            difference += norm(f[k][i] - d[k][i]);
+            size += norm(d[k][i]);
+        }
+    std::printf("%s: force field in float %.1e off\n", GetParam().c_str(), difference / size);
+    EXPECT_LT(difference, 1e-3 * size);
+}
+
 TEST(RealTime, PresetStaysCloseToTheReference) {
     auto forces = [](const std::vector<std::string>& overrides) {
         Simulation s = make_simulation(load_scene(scenes + "hand.toml", overrides), 2);
