@@ -1,6 +1,7 @@
 #include "engine/skin/solve_skin.h"
 
 #include <algorithm>
+#include <cassert>
 
 #include "engine/skin/kernels.h"
 
@@ -44,6 +45,7 @@ template <class T>
 void solve_skin(SkinChunk<T>& chunk, const SolverSettings& settings) {
     for (const Kernel<T>& k : kernels_of<T>(best_kernels()))
         if (k.width == chunk.width) return k.solve(chunk, settings);
+    assert(!"no kernel of this width on this processor");
 }
 
 template int chunk_width<double>(int);
