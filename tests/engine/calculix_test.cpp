@@ -255,5 +255,26 @@ TEST(CalculiX, FindsTheSameContactWithAPlate) {
     }
 }
 
+TEST(CalculiX, AgreesOnAGivenMesh) {
+    const char* file = std::getenv("PALPATE_JUDGE_MESH");
+    if (!file) GTEST_SKIP() << "no mesh given: sh tests/judge.sh FILE";
+    if (!calculix_is_installed()) GTEST_SKIP() << "CalculiX is not installed (Debian package calculix-ccx)";
+    const char* unit = std::getenv("PALPATE_JUDGE_UNIT");
+    FingerTemplates templates;
+    std::string note;
+    FingerMeshRequest request;
+    request.source = FingerMeshRequest::Source::tets;
+    request.file = file;
+    request.unit = unit ? unit : "mm";
+    const TetMesh mesh = make_finger_mesh(request, templates, note);
+    std::printf("%s\n", note.c_str());
+    double lowest = 0, highest = 0;
+    for (const Point& p : mesh.nodes) lowest = std::min(lowest, p[2]), highest = std::max(highest, p[2]);
+    const double height = highest - lowest;
+    compare(mesh, Material::corotational, 1e-6 * height);
+    for (Material material : large_strain_materials)
+        for (Judge judge : {Judge::loads, Judge::contact}) compare(mesh, material, 0.04 * height, judge);
+}
+
 }  // namespace
 }  // namespace palpate
