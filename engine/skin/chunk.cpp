@@ -17,6 +17,8 @@ std::vector<std::string> SolverSettings::validate() const {
     need(newton_iterations >= 1 && newton_iterations <= 10000, "newton_iterations must be between 1 and 10000");
     need(tolerance > 0 && tolerance < 1, "tolerance must be between 0 and 1");
     need(multiplier_tolerance > 0 && multiplier_tolerance < 1, "multiplier_tolerance must be between 0 and 1");
+    need(contact_iterations >= 0 && contact_iterations <= 100, "contact_iterations must be between 0 and 100");
+    need(contact_share >= 0 && contact_share <= 1, "contact_share must be between 0 and 1");
     need(multiplier_gate > 0 && multiplier_gate <= 1e3, "multiplier_gate must be between 0 and 1000");
     need(limit_tolerance >= 1e-8 && limit_tolerance <= 0.5, "limit_tolerance must be between 1e-8 and 0.5");
     need(contact_tolerance >= 1e-10 && contact_tolerance <= 1e-2, "contact_tolerance must be between 1e-7 and 10 mm");
@@ -42,10 +44,29 @@ void for_each_array(Chunk& c, Visit visit) {
                     &s.tangential_multiplier, &s.friction_radius, &s.friction_normal, &s.svd_guess, &s.penalty_scale})
         visit(*a);
     auto& w = c.scratch;
-    for (auto* a :
-         {&w.start_position, &w.start_bone, &w.inertia_target, &w.bone_springs, &w.base_position, &w.base_bone,
-          &w.gradient, &w.pending, &w.direction, &w.permuted, &w.blocks, &w.panels, &w.panel_work, &w.limit_candidate,
-          &w.normal_candidate, &w.tangential_candidate, &w.contact_normal, &w.svd})
+    for (auto* a : {&w.start_position,
+                    &w.start_bone,
+                    &w.inertia_target,
+                    &w.bone_springs,
+                    &w.base_position,
+                    &w.base_bone,
+                    &w.gradient,
+                    &w.pending,
+                    &w.direction,
+                    &w.permuted,
+                    &w.blocks,
+                    &w.panels,
+                    &w.panel_work,
+                    &w.saved_blocks,
+                    &w.first_direction,
+                    &w.sample_gradient,
+                    &w.sample_curvature,
+                    &w.sample_residual,
+                    &w.limit_candidate,
+                    &w.normal_candidate,
+                    &w.tangential_candidate,
+                    &w.contact_normal,
+                    &w.svd})
         visit(*a);
 }
 
@@ -83,6 +104,10 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(w.gradient, 3 * everything), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * everything),
         make(w.permuted, 3 * t.unknowns.size());
     make(w.blocks, 9 * std::size_t(t.block_count)), make(w.limit_candidate, 9 * limits);
+    const std::size_t C = c.slot_capacity > 0 ? S : 0;
+    if (width > 1 && C > 0) make(w.saved_blocks, 9 * std::size_t(t.pattern.block_count));
+    make(w.first_direction, C > 0 ? 3 * everything : 0), make(w.sample_gradient, 3 * C);
+    make(w.sample_curvature, 9 * C), make(w.sample_residual, 3 * C);
     if (width == 1) make(w.panels, t.supernodes.panel_scalars), make(w.panel_work, t.supernodes.work_scalars);
     make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions);
     make(w.contact_normal, 3 * frictions), make(w.svd, 9 * E);

@@ -75,6 +75,11 @@ struct SkinScratch {
     LaneArray<T> direction;  ///< [node, bone][xyz] Newton step
     LaneArray<T> permuted;   ///< [unknown][xyz] right-hand side in elimination order
     LaneArray<T> blocks;     ///< [block][3x3]
+    LaneArray<T> saved_blocks;          ///< the matrix before its factorisation, where lanes factor it in place
+    LaneArray<T> first_direction;       ///< [node, bone][xyz] Newton's own, before contacts were followed
+    LaneArray<T> sample_gradient;       ///< [sample][xyz] contact's part of the gradient
+    LaneArray<T> sample_curvature;      ///< [sample][3x3] and of the matrix
+    LaneArray<T> sample_residual;       ///< [sample][xyz]
     LaneArray<T> panels, panel_work;    ///< of the supernodal factor, for a finger alone in its chunk
     LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
     LaneArray<T> normal_candidate;      ///< [slot][sample] normal force [N]
@@ -116,6 +121,8 @@ struct SolverSettings {
     double tolerance = 1e-7;             ///< force residual, relative to the forces acting
     double multiplier_tolerance = 1e-5;  ///< pending change of multipliers, relative to the forces acting
     double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change
+    int contact_iterations = 3;          ///< most linear solves that follow contacts along one Newton direction
+    double contact_share = 0.3;          ///< follow while contact leaves more than this share of the residual
     double limit_tolerance = 1e-3;       ///< relative excess allowed over a strain limit
     double contact_tolerance = 2e-6;     ///< penetration allowed [m]
     bool inertia = true;                 ///< false: static equilibrium

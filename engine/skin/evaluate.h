@@ -324,50 +324,74 @@ inline Vec3<R> carried(const Pose<double>& motion, const Vec3<R>& x) {
     return transform(lanes, x);
 }
 
+/// One sample at x against one slot's object.
+template <class R>
+struct SampleContact {
+    SurfacePoint<R> surface;
+    ContactState<R> state;
+    bool friction;
+    ContactTerms<R> terms;
+};
+template <class R>
+inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot, std::size_t s, const Vec3<R>& x,
+                                       const R& exactness) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const ContactSlot& object = c.slots[slot];
+    const std::size_t i = slot * c.topology->samples.size() + s;
+    SampleContact<R> out;
+    out.surface = surface_point(object.shape, object.pose, x);
+    out.friction = c.has_friction && object.friction > 0;
+    out.state = {load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0), out.surface.normal};
+    Vec3<R> slip{R(0), R(0), R(0)};
+    if (out.friction) {
+        out.state.tangential_multiplier = load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
+        out.state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
+        out.state.friction_normal = load_vec3<R>(&c.state.friction_normal[3 * i * W]);
+        slip = x - carried(object.motion, load_vec3<R>(&c.scratch.start_position[3 * c.topology->samples[s] * W]));
+    }
+    // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
+    // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
+    const R base = load<R>(&c.rest.contact_penalty[s * W]), scale = load<R>(&c.state.penalty_scale[0]);
+    const R k = base * scale, k_slip = base * minimum(scale, R(T(16)));
+    out.terms = contact_terms(out.surface, slip, k, k_slip, out.state, out.friction, exactness);
+    return out;
+}
+
 /// Contact of every sample with every slot's object.
 template <Want want, class R>
 inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
-    const R scale = load<R>(&c.state.penalty_scale[0]);
+    std::fill(c.scratch.sample_gradient.begin(), c.scratch.sample_gradient.end(), T(0));
+    std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
-        const ContactSlot& object = c.slots[slot];
-        if (object.object < 0) continue;
-        const bool friction = c.has_friction && object.friction > 0;
+        if (c.slots[slot].object < 0) continue;
         for (std::size_t s = 0; s < t.samples.size(); ++s) {
             const int node = t.samples[s];
             const std::size_t i = slot * t.samples.size() + s;
-            const Vec3<R> x = load_vec3<R>(&c.state.position[3 * node * W]);
-            const SurfacePoint<R> surface = surface_point(object.shape, object.pose, x);
-            ContactState<R> state{load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0), surface.normal};
-            Vec3<R> slip{R(0), R(0), R(0)};
-            if (friction) {
-                state.tangential_multiplier = load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
-                state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
-                state.friction_normal = load_vec3<R>(&c.state.friction_normal[3 * i * W]);
-                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], surface.normal);
-                slip = x - carried(object.motion, load_vec3<R>(&c.scratch.start_position[3 * node * W]));
-            }
-            // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much
-            // stiffer than tissue; creep is not a matter of the penalty, its multiplier takes it away.
-            const R base = load<R>(&c.rest.contact_penalty[s * W]);
-            const R k = base * scale, k_slip = base * minimum(scale, R(16));
-            const ContactTerms<R> terms = contact_terms(surface, slip, k, k_slip, state, friction, exactness);
-            const R change = terms.normal_force - state.normal_multiplier;
+            const SampleContact<R> contact =
+                sample_contact<R>(c, slot, s, load_vec3<R>(&c.state.position[3 * node * W]), exactness);
+            const ContactTerms<R>& terms = contact.terms;
+            const R change = terms.normal_force - contact.state.normal_multiplier;
             out.energy += terms.energy;
             out.contact_force += terms.normal_force;
             out.pending += change * change;
-            out.penetration = maximum(-surface.distance, out.penetration);
+            out.penetration = maximum(-contact.surface.distance, out.penetration);
             add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.gradient);
-            if constexpr (want == Want::forces_and_matrix)
+            add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], terms.gradient);
+            if constexpr (want == Want::forces_and_matrix) {
                 add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], terms.curvature);
+                add_block<R>(c.scratch.sample_curvature.data(), int(s), terms.curvature);
+            }
             store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
-            if (friction) {
-                const Vec3<R> dt = terms.tangential - state.tangential_multiplier;
-                const R dr = R(T(object.friction)) * terms.normal_force - state.friction_radius;
+            if (contact.friction) {
+                const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
+                const R dr = R(T(c.slots[slot].friction)) * terms.normal_force - contact.state.friction_radius;
                 out.pending += dot(dt, dt) + dr * dr;
                 store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W], terms.tangential);
+                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], contact.surface.normal);
             }
         }
     }
