@@ -184,7 +184,9 @@ const bool registered = [] {
     for (int its : {1, 2})
         both("goal_4/five_topologies_2_threads/its_" + std::to_string(its), {five_topologies, its, 2});
     for (int threads : {1, 2})
-        both("goal_5/256_threads_" + std::to_string(threads) + "/its_2", {fingers(256, case_a), 2, threads});
+        for (int its : {1, 2})
+            both("goal_5/256_threads_" + std::to_string(threads) + "/its_" + std::to_string(its),
+                 {fingers(256, case_a), its, threads});
     for (int its : {1, 2}) both("goal_6/case_b/its_" + std::to_string(its), {fingers(1, case_b), its});
     for (int elements : {350, 1000, 2000, 4000, 8000, 20000})
         both("size/" + std::to_string(elements) + "/its_2", {fingers(1, elements), 2});

@@ -51,34 +51,34 @@ inline Mat3<R> solve_right_transposed(const Mat3<R>& S, const Mat3<R>& L) {
 
 namespace detail {
 
-/// S minus the updates of block b.
+/// Block b of the matrix minus its updates by the factor so far.
 template <class R>
-inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, int b) {
+inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* factor, int b) {
     constexpr int W9 = 9 * lane_width<R>;
     Mat3<R> S = load_mat3<R>(blocks + static_cast<std::size_t>(b) * W9);
     for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u)
-        S = S - times_transposed(load_mat3<R>(blocks + static_cast<std::size_t>(p.update_a[u]) * W9),
-                                 load_mat3<R>(blocks + static_cast<std::size_t>(p.update_b[u]) * W9));
+        S = S - times_transposed(load_mat3<R>(factor + static_cast<std::size_t>(p.update_a[u]) * W9),
+                                 load_mat3<R>(factor + static_cast<std::size_t>(p.update_b[u]) * W9));
     return S;
 }
 
 }  // namespace detail
 
-/// Factors in place. Left-looking: each block gathers its updates in registers and is written once.
+/// Factors `blocks` into `factor`. Left-looking: each block gathers its updates in registers and is written once.
 /// Returns per lane the number of pivots that had to be replaced.
 template <class R>
-inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks) {
+inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarOf<R>* factor) {
     constexpr int W9 = 9 * lane_width<R>;
     R bad_pivots(0);
     for (int j = 0; j < p.columns; ++j) {
         Mat3<R> diagonal;
         for (int b = p.column_start[j]; b < p.column_start[j + 1]; ++b) {
-            Mat3<R> S = detail::updated_block<R>(p, blocks, b);
+            Mat3<R> S = detail::updated_block<R>(p, blocks, factor, b);
             if (b == p.column_start[j])
                 S = diagonal = detail::factor_diagonal(S, bad_pivots);
             else
                 S = detail::solve_right_transposed(S, diagonal);
-            store_mat3<R>(blocks + static_cast<std::size_t>(b) * W9, S);
+            store_mat3<R>(factor + static_cast<std::size_t>(b) * W9, S);
         }
     }
     return bad_pivots;
@@ -86,9 +86,9 @@ inline R factor_blocks(const BlockPattern& p, ScalarOf<R>* blocks) {
 
 /// Solves L L^T y = b in place; b is [column][xyz][lane] in elimination order.
 template <class R>
-inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarOf<R>* b) {
+inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
     constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
-    auto block = [&](int k) { return load_mat3<R>(blocks + static_cast<std::size_t>(k) * W9); };
+    auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
     for (int j = 0; j < p.columns; ++j) {
         const Mat3<R> L = block(p.column_start[j]);
         Vec3<R> y = load_vec3<R>(b + j * W3);

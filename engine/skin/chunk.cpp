@@ -57,7 +57,7 @@ void for_each_array(Chunk& c, Visit visit) {
                     &w.blocks,
                     &w.panels,
                     &w.panel_work,
-                    &w.saved_blocks,
+                    &w.factor,
                     &w.first_direction,
                     &w.sample_gradient,
                     &w.sample_curvature,
@@ -105,7 +105,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
         make(w.permuted, 3 * t.unknowns.size());
     make(w.blocks, 9 * std::size_t(t.block_count)), make(w.limit_candidate, 9 * limits);
     const std::size_t C = c.slot_capacity > 0 ? S : 0;
-    if (width > 1 && C > 0) make(w.saved_blocks, 9 * std::size_t(t.pattern.block_count));
+    if (width > 1) make(w.factor, 9 * std::size_t(t.pattern.block_count));
     make(w.first_direction, C > 0 ? 3 * everything : 0), make(w.sample_gradient, 3 * C);
     make(w.sample_curvature, 9 * C), make(w.sample_residual, 3 * C);
     if (width == 1) make(w.panels, t.supernodes.panel_scalars), make(w.panel_work, t.supernodes.work_scalars);

@@ -91,7 +91,7 @@ inline R factor_matrix(SkinChunk<ScalarOf<R>>& c) {
         return factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(), c.scratch.panels.data(),
                                     c.scratch.panel_work.data());
     else
-        return factor_blocks<R>(t.pattern, c.scratch.blocks.data());
+        return factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data());
 }
 
 /// Solves for the right-hand side in scratch.permuted, in place.
@@ -102,7 +102,7 @@ inline void solve_matrix(SkinChunk<ScalarOf<R>>& c) {
         solve_supernodes<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
                             c.scratch.panel_work.data());
     else
-        solve_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.permuted.data());
+        solve_blocks<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
 }
 
 /// Slope g . d of the masked lanes' direction.
@@ -120,7 +120,6 @@ template <class R>
 inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_pivots) {
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
-    std::copy_n(c.scratch.blocks.begin(), c.scratch.saved_blocks.size(), c.scratch.saved_blocks.begin());
     bad_pivots = factor_matrix<R>(c);
     for (int i : t.unknowns)
         store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
@@ -140,7 +139,6 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
     using T = ScalarOf<R>;
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
-    auto& blocks = lane_width<R> == 1 ? c.scratch.blocks : c.scratch.saved_blocks;
     R squared(0);
     for (std::size_t s = 0; s < t.samples.size(); ++s) {
         const int node = t.samples[s];
@@ -163,7 +161,7 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
         Mat3<R> change;
         for (int i = 0; i < 9; ++i)
             change.m[i / 3][i % 3] = select(lanes, curvature.m[i / 3][i % 3] - old.m[i / 3][i % 3], R(0));
-        add_block<R>(blocks.data(), t.diagonal_block[node], change);
+        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], change);
         store_vec3<R>(old_gradient, gradient);
         store_mat3<R>(old_curvature, curvature);
         store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
@@ -188,8 +186,6 @@ inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settin
         const R surprise = contact_surprise<R>(c, lanes, exactness);
         lanes = lanes & (surprise > R(T(settings.contact_share * settings.contact_share)) * residual);
         if (!any(lanes)) break;
-        if constexpr (lane_width < R >> 1)
-            std::copy_n(c.scratch.saved_blocks.begin(), c.scratch.saved_blocks.size(), c.scratch.blocks.begin());
         factor_matrix<R>(c);
         std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
         for (std::size_t s = 0; s < t.samples.size(); ++s)
