@@ -6,13 +6,14 @@
 #include "meshes/input_error.h"
 #include "scenes/commands.h"
 #include "scenes/recording/results.h"
+#include "scenes/viewer/report.h"
 
 namespace palpate {
 
 namespace {
 
 struct RunArguments {
-    std::string scene, out;
+    std::string scene, out, report;
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0;
@@ -43,9 +44,15 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
-    run(simulation, stop, progress_bar(a.quiet));
+    ReportRecorder report;
+    const auto show = progress_bar(a.quiet);
+    run(simulation, stop, [&](double share) {
+        if (!a.report.empty()) report.record(simulation);
+        if (show) show(share);
+    });
     const Summary summary = summarise(simulation);
     const auto files = write_results(folder, simulation, summary);
+    if (!a.report.empty()) report.write(a.report, simulation, summary);
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
     else if (!a.quiet)
@@ -63,6 +70,7 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     auto a = std::make_shared<RunArguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();
     c->add_option("--out", a->out, "folder for results (default: results/SCENE)");
+    c->add_option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
     c->add_option("--set", a->overrides,
                   "override a value of the scene, for example finger.index.material.young_kPa=40")
         ->take_all()

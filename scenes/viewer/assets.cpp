@@ -1,0 +1,22 @@
+#include "scenes/viewer/assets.h"
+
+// The files become part of the program as they are, by the assembler.
+#define PALPATE_ASSET(name, path)                                          \
+    asm(".section .rodata\n" #name "_begin:\n.incbin \"" path "\"\n" #name \
+        "_end:\n"                                                          \
+        ".byte 0\n.text\n");                                               \
+    extern "C" const char name##_begin[], name##_end[];
+
+PALPATE_ASSET(palpate_page, PALPATE_VIEWER_DIR "/page.html")
+PALPATE_ASSET(palpate_view, PALPATE_VIEWER_DIR "/view.js")
+PALPATE_ASSET(palpate_three, PALPATE_THREE_DIR "/three.min.js")
+PALPATE_ASSET(palpate_orbit, PALPATE_THREE_DIR "/examples/js/controls/OrbitControls.js")
+
+namespace palpate::assets {
+
+std::string_view page() { return {palpate_page_begin, palpate_page_end}; }
+std::string_view view() { return {palpate_view_begin, palpate_view_end}; }
+std::string_view three() { return {palpate_three_begin, palpate_three_end}; }
+std::string_view orbit_controls() { return {palpate_orbit_begin, palpate_orbit_end}; }
+
+}  // namespace palpate::assets

@@ -1,0 +1,13 @@
+#pragma once
+// Files of the viewer's page, kept inside the program.
+
+#include <string_view>
+
+namespace palpate::assets {
+
+std::string_view page();            ///< page.html, with marks for the others
+std::string_view view();            ///< view.js
+std::string_view three();           ///< three.js
+std::string_view orbit_controls();  ///< of three.js
+
+}  // namespace palpate::assets

@@ -1,0 +1,73 @@
+#include "scenes/viewer/report.h"
+
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+#include "meshes/mesh_files.h"
+#include "scenes/viewer/assets.h"
+
+namespace palpate {
+
+namespace {
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string out;
+    out.reserve(bytes.size() * 4 / 3 + 4);
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        const std::size_t left = std::min<std::size_t>(3, bytes.size() - i);
+        unsigned word = unsigned(bytes[i]) << 16;
+        if (left > 1) word |= unsigned(bytes[i + 1]) << 8;
+        if (left > 2) word |= bytes[i + 2];
+        for (std::size_t k = 0; k < 4; ++k) out += k <= left ? digits[(word >> (18 - 6 * k)) & 63] : '=';
+    }
+    return out;
+}
+
+/// JSON inside a page: no "</script>" in a scene's text may end it.
+std::string safe_in_html(const std::string& json) {
+    std::string out;
+    for (const char c : json) out += c == '<' ? std::string("\\u003c") : std::string(1, c);
+    return out;
+}
+
+void replace(std::string& page, const std::string& mark, std::string_view text) {
+    const std::size_t at = page.find(mark);
+    page.replace(at, mark.size(), text);
+}
+
+std::string read_text(const std::filesystem::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::ostringstream text;
+    text << in.rdbuf();
+    return text.str();
+}
+
+}  // namespace
+
+void ReportRecorder::record(const Simulation& s) {
+    longest_us_ = std::max(longest_us_, 1e6 * s.world.profile.total());
+    if (s.world.time + 1e-9 < next_) return;
+    append_frame(frames_, s);
+    step_us_.push_back(longest_us_);
+    longest_us_ = 0;
+    next_ = s.world.time + 1 / rate_;
+}
+
+void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
+    char about[200];
+    std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %zu frames shown (at most %.0f per second)",
+                  s.world.time, 1e3 * s.world.solver.dt, step_us_.size(), rate_);
+    const nlohmann::json data{{"stage", stage_of(s)},        {"frames", base64(frames_)},
+                              {"step_us", step_us_},         {"about", about},
+                              {"summary", to_text(summary)}, {"scene", read_text(s.scene.file)}};
+    std::string page(assets::page());
+    replace(page, "/*THREE*/", assets::three());
+    replace(page, "/*ORBIT*/", assets::orbit_controls());
+    replace(page, "/*VIEW*/", assets::view());
+    replace(page, "/*DATA*/", safe_in_html(data.dump()));
+    write_file(path, page);
+}
+
+}  // namespace palpate

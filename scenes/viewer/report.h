@@ -1,0 +1,26 @@
+#pragma once
+// A run as one self-contained HTML file: 3-D playback, plots, summary and scene.
+
+#include <filesystem>
+
+#include "scenes/summary.h"
+#include "scenes/viewer/stage.h"
+
+namespace palpate {
+
+/// Collects frames of a run, no more often than `rate` per simulated second.
+class ReportRecorder {
+  public:
+    explicit ReportRecorder(double rate = 30) : rate_(rate) {}
+    /// Call after every step.
+    void record(const Simulation& simulation);
+    /// Throws InputError where the file cannot be written.
+    void write(const std::filesystem::path& path, const Simulation& simulation, const Summary& summary) const;
+
+  private:
+    double rate_, next_ = 0, longest_us_ = 0;
+    std::vector<std::uint8_t> frames_;
+    std::vector<double> step_us_;  ///< per frame: the longest step since the last one
+};
+
+}  // namespace palpate

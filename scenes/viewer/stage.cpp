@@ -1,0 +1,163 @@
+#include "scenes/viewer/stage.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "engine/skin/svd3.h"
+
+namespace palpate {
+
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "frames are little-endian");
+
+/// Nodes of the surface, in the order of their first appearance in its triangles.
+std::vector<int> skin_nodes(const TetMesh& mesh) {
+    std::vector<int> nodes;
+    std::vector<bool> seen(mesh.nodes.size(), false);
+    for (const auto& t : mesh.surface)
+        for (int i : t)
+            if (!seen[std::size_t(i)]) seen[std::size_t(i)] = true, nodes.push_back(i);
+    return nodes;
+}
+
+template <class T>
+void put(std::vector<std::uint8_t>& out, T value) {
+    const std::size_t at = out.size();
+    out.resize(at + sizeof(T));
+    std::memcpy(out.data() + at, &value, sizeof(T));
+}
+void put_floats(std::vector<std::uint8_t>& out, std::initializer_list<double> values) {
+    for (double v : values) put(out, float(v));
+}
+/// In units of `unit`, at the ends of the type's range where it does not fit.
+template <class T>
+void put_scaled(std::vector<std::uint8_t>& out, double value, double unit) {
+    const double scaled = std::isfinite(value) ? std::round(value / unit) : 0;
+    put(out, T(std::clamp(scaled, double(std::numeric_limits<T>::min()), double(std::numeric_limits<T>::max()))));
+}
+void put_pose(std::vector<std::uint8_t>& out, const Pose<double>& p) {
+    put_floats(out, {p.position.x, p.position.y, p.position.z, p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z});
+}
+
+/// Per node, of the elements around it: largest departure of a principal stretch from 1, and whether one is at a limit.
+struct Strains {
+    std::vector<double> departure;
+    std::vector<char> limited;
+};
+Strains strains_of(const TetMesh& mesh, const std::vector<Point>& now, const FingerSpec& f) {
+    Strains s{std::vector<double>(mesh.nodes.size(), 0.0), std::vector<char>(mesh.nodes.size(), 0)};
+    auto edges = [](const std::vector<Point>& x, const std::array<int, 4>& t) {
+        Eigen::Matrix3d D;
+        for (int a = 1; a < 4; ++a)
+            for (int d = 0; d < 3; ++d)
+                D(d, a - 1) = x[std::size_t(t[std::size_t(a)])][std::size_t(d)] - x[std::size_t(t[0])][std::size_t(d)];
+        return D;
+    };
+    for (const auto& t : mesh.tets) {
+        const Eigen::Matrix3d F = edges(now, t) * edges(mesh.nodes, t).inverse();
+        Mat3<double> m;
+        for (int i = 0; i < 9; ++i) m.m[i / 3][i % 3] = F(i / 3, i % 3);
+        const Vec3<double> sigma = signed_svd(m).sigma;
+        const double departure = std::max(std::abs(sigma.x - 1), std::abs(sigma.z - 1));
+        const bool limited = f.has_limits && (sigma.x > 0.999 * f.limit_high || sigma.z < 1.001 * f.limit_low);
+        for (int i : t) {
+            s.departure[std::size_t(i)] = std::max(s.departure[std::size_t(i)], departure);
+            s.limited[std::size_t(i)] |= limited;
+        }
+    }
+    return s;
+}
+
+void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::size_t row) {
+    const EntityId finger = s.fingers[row];
+    const TetMesh& mesh = s.world.skins.find(finger)->mesh;
+    const ContactSurface& contact = *s.world.contact_surfaces.find(finger);
+    const Pose<double> bone = bone_pose(s.world, finger);
+    const std::vector<Point> now = finger_positions(s.world, finger);
+    const Strains strains = strains_of(mesh, now, s.scene.spec.fingers[row]);
+    std::vector<double> pressure(now.size(), 0.0);
+    for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
+        pressure[std::size_t(mesh.pad_nodes[k])] = norm(contact.force[k]) / contact.area[k];
+    put_pose(out, bone);
+    put_floats(out, {contact.normal_force, contact.touching_area});
+    for (int i : skin_nodes(mesh)) {
+        const Point& x = now[std::size_t(i)];
+        const Vec3<double> local = inverse_transform(bone, Vec3<double>{x[0], x[1], x[2]});
+        for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, local[d], 2e-6);
+        put_scaled<std::uint16_t>(out, pressure[std::size_t(i)], 10);
+        put_scaled<std::uint8_t>(out, strains.departure[std::size_t(i)], 0.01);
+        put(out, std::uint8_t(strains.limited[std::size_t(i)]));
+    }
+    for (const Vec3<double>& f : contact.force)
+        for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, f[d], 2e-4);
+}
+
+void append_thimble(std::vector<std::uint8_t>& out, const Matching& m) {
+    const Platform p = m.model.kind->platform(m.model, m.result.w);
+    const Eigen::Vector3d centre = m.model.mount * p.centre;
+    const Eigen::Quaterniond q(Eigen::Matrix3d(m.model.mount.rotation() * p.rotation));
+    put_floats(out, {centre.x(), centre.y(), centre.z(), q.w(), q.x(), q.y(), q.z()});
+    for (int k = 0; k < m.model.kind->joint_count; ++k) put(out, float(m.result.q[k]));
+    put(out, float(m.result.rms_m));
+    put(out, std::uint32_t(m.result.status != MatchingStatus::no_contact));
+}
+
+nlohmann::json finger_json(const Skin& skin) {
+    const std::vector<int> nodes = skin_nodes(skin.mesh);
+    std::vector<int> number(skin.mesh.nodes.size(), -1);
+    nlohmann::json rest = nlohmann::json::array(), triangles = nlohmann::json::array();
+    for (std::size_t k = 0; k < nodes.size(); ++k) {
+        number[std::size_t(nodes[k])] = int(k);
+        for (double x : skin.mesh.nodes[std::size_t(nodes[k])]) rest.push_back(std::round(1e7 * x) / 1e7);
+    }
+    for (const auto& t : skin.mesh.surface)
+        for (int i : t) triangles.push_back(number[std::size_t(i)]);
+    nlohmann::json samples = nlohmann::json::array();
+    for (int i : skin.mesh.pad_nodes) samples.push_back(number[std::size_t(i)]);
+    return {{"name", skin.name}, {"rest", rest}, {"triangles", triangles}, {"samples", samples}};
+}
+
+nlohmann::json thimble_json(const Simulation& s, const Matching& m) {
+    const auto row = std::find(s.fingers.begin(), s.fingers.end(), m.finger) - s.fingers.begin();
+    nlohmann::json low = nlohmann::json::array(), high = nlohmann::json::array();
+    for (int k = 0; k < m.model.kind->joint_count; ++k)
+        low.push_back(m.model.joint_min[k]), high.push_back(m.model.joint_max[k]);
+    return {{"finger", row},
+            {"kind", m.model.kind->name},
+            {"radius", m.model.disk_radius},
+            {"joint_min", low},
+            {"joint_max", high}};
+}
+
+}  // namespace
+
+nlohmann::json stage_of(const Simulation& s) {
+    static const char* const kinds[] = {"plane", "box", "sphere", "capsule", "cylinder"};  // as ShapeKind has them
+    nlohmann::json stage{{"title", s.scene.title},
+                         {"dt", s.world.solver.dt},
+                         {"duration", s.scene.duration},
+                         {"fingers", nlohmann::json::array()},
+                         {"objects", nlohmann::json::array()},
+                         {"thimbles", nlohmann::json::array()}};
+    for (const Skin& skin : s.world.skins) stage["fingers"].push_back(finger_json(skin));
+    for (const RigidShape& o : s.world.shapes)
+        stage["objects"].push_back({{"name", o.name},
+                                    {"kind", kinds[int(o.shape.kind)]},
+                                    {"size", {o.shape.size.x, o.shape.size.y, o.shape.size.z}},
+                                    {"friction", o.friction}});
+    for (const Matching& m : s.world.matchings) stage["thimbles"].push_back(thimble_json(s, m));
+    return stage;
+}
+
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& s) {
+    put(out, float(s.world.time));
+    for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
+    for (const RigidShape& o : s.world.shapes) put_pose(out, o.pose);
+    for (const Matching& m : s.world.matchings) append_thimble(out, m);
+}
+
+}  // namespace palpate

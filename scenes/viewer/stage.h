@@ -1,0 +1,23 @@
+#pragma once
+// What the viewer's page draws: a stage that stays, described as JSON, and frames that change, as bytes.
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "scenes/simulation.h"
+
+namespace palpate {
+
+/// Everything that does not change during a run: fingers with their skin's triangles and rest shape (bone frame),
+/// objects, thimbles with joint limits. Lengths in metres.
+nlohmann::json stage_of(const Simulation& simulation);
+
+/// Appends the state now, little-endian, in the stage's order: time f32; per finger: bone pose 7 f32, contact force and
+/// area f32, then per skin node x, y, z i16 [2 um, bone frame], pressure u16 [0.01 kPa], largest departure of a
+/// principal stretch from 1 u8 [%], 1 where an element is at a strain limit u8; per sample contact force 3 i16 [0.2
+/// mN]; per object: pose 7 f32; per thimble: platform pose 7 f32 (finger frame), joint angles f32, matching residual
+/// f32 [m], contact u32.
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation);
+
+}  // namespace palpate
