@@ -37,37 +37,42 @@ void replace(std::string& page, const std::string& mark, std::string_view text) 
     page.replace(at, mark.size(), text);
 }
 
-std::string read_text(const std::filesystem::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream text;
-    text << in.rdbuf();
-    return text.str();
-}
-
 }  // namespace
 
 void ReportRecorder::record(const Simulation& s) {
     longest_us_ = std::max(longest_us_, 1e6 * s.world.profile.total());
     if (s.world.time + 1e-9 < next_) return;
-    append_frame(frames_, s);
-    step_us_.push_back(longest_us_);
+    append_frame(frames_, s, longest_us_);
+    ++count_;
     longest_us_ = 0;
     next_ = s.world.time + 1 / rate_;
 }
 
-void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
-    char about[200];
-    std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %zu frames shown (at most %.0f per second)",
-                  s.world.time, 1e3 * s.world.solver.dt, step_us_.size(), rate_);
-    const nlohmann::json data{{"stage", stage_of(s)},        {"frames", base64(frames_)},
-                              {"step_us", step_us_},         {"about", about},
-                              {"summary", to_text(summary)}, {"scene", read_text(s.scene.file)}};
+std::string page_with(const nlohmann::json& data) {
     std::string page(assets::page());
     replace(page, "/*THREE*/", assets::three());
     replace(page, "/*ORBIT*/", assets::orbit_controls());
     replace(page, "/*VIEW*/", assets::view());
     replace(page, "/*DATA*/", safe_in_html(data.dump()));
-    write_file(path, page);
+    return page;
+}
+
+std::string scene_text(const Scene& scene) {
+    std::ifstream in(scene.file, std::ios::binary);
+    std::ostringstream text;
+    text << in.rdbuf();
+    return text.str();
+}
+
+void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
+    char about[200];
+    std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %d frames shown (at most %.0f per second)",
+                  s.world.time, 1e3 * s.world.solver.dt, count_, rate_);
+    write_file(path, page_with({{"stage", stage_of(s)},
+                                {"frames", base64(frames_)},
+                                {"about", about},
+                                {"summary", to_text(summary)},
+                                {"scene", scene_text(s.scene)}}));
 }
 
 }  // namespace palpate

@@ -20,7 +20,12 @@ class ReportRecorder {
   private:
     double rate_, next_ = 0, longest_us_ = 0;
     std::vector<std::uint8_t> frames_;
-    std::vector<double> step_us_;  ///< per frame: the longest step since the last one
+    int count_ = 0;
 };
+
+/// The page with its data filled in.
+std::string page_with(const nlohmann::json& data);
+/// The scene file's text.
+std::string scene_text(const Scene& scene);
 
 }  // namespace palpate

@@ -153,8 +153,8 @@ nlohmann::json stage_of(const Simulation& s) {
     return stage;
 }
 
-void append_frame(std::vector<std::uint8_t>& out, const Simulation& s) {
-    put(out, float(s.world.time));
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, double longest_step_us) {
+    put_floats(out, {s.world.time, longest_step_us});
     for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
     for (const RigidShape& o : s.world.shapes) put_pose(out, o.pose);
     for (const Matching& m : s.world.matchings) append_thimble(out, m);

@@ -1,10 +1,10 @@
 'use strict';
-// Draws a run: a stage (fingers, objects, thimbles) and its frames, in the format of stage.h. Lengths in metres there,
-// in millimetres here.
+// Draws a run: a stage (fingers, objects, thimbles) and its frames, in the format of stage.h: all at once in a report, as
+// they come in the live viewer. Lengths in metres there, in millimetres here.
 window.addEventListener('error', event => { document.body.dataset.error = event.message; });
 
-const run = JSON.parse(document.getElementById('data').textContent);
-const stage = run.stage, by = id => document.getElementById(id);
+const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), stage = run.stage;
+for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
 const palette = ['#1f6feb', '#d9730d', '#2f9e44', '#c2255c', '#7048e8', '#0c8599', '#a61e4d', '#5c940d', '#862e9c', '#495057'];
 
 // ---- frames ------------------------------------------------------------------------------------------------------
@@ -21,7 +21,7 @@ function readFrame(view, at) {
   const f32 = () => { p += 4; return view.getFloat32(p - 4, true); };
   const i16 = () => { p += 2; return view.getInt16(p - 2, true); };
   const pose = () => { const v = []; for (let i = 0; i < 7; ++i) v.push(f32()); return v; };
-  const frame = { time: f32(), fingers: [], objects: [], thimbles: [] };
+  const frame = { time: f32(), step_us: f32(), fingers: [], objects: [], thimbles: [] };
   for (const finger of stage.fingers) {
     const n = finger.rest.length / 3;
     const f = { bone: pose(), force: f32(), area: f32(), position: new Float32Array(3 * n), pressure: new Float32Array(n),
@@ -47,16 +47,6 @@ function readFrame(view, at) {
   return frame;
 }
 
-const frames = [];
-{
-  const bytes = bytesOf(run.frames), view = new DataView(bytes.buffer);
-  for (let at = 0; at < bytes.length;) {
-    const frame = readFrame(view, at);
-    frames.push(frame);
-    at = frame.end;
-  }
-}
-
 // ---- colours -----------------------------------------------------------------------------------------------------
 
 const quantities = {
@@ -66,14 +56,7 @@ const quantities = {
     Math.hypot(f.position[3 * i] - rest[3 * i], f.position[3 * i + 1] - rest[3 * i + 1],
                f.position[3 * i + 2] - rest[3 * i + 2]) },
 };
-for (const q of Object.values(quantities)) {
-  q.most = q.least;
-  for (const frame of frames)
-    frame.fingers.forEach((f, k) => {
-      const rest = stage.fingers[k].rest;
-      for (let i = 0; i < f.pressure.length; ++i) q.most = Math.max(q.most, q.of(f, i, rest));
-    });
-}
+for (const q of Object.values(quantities)) q.most = q.least;
 /** From skin to deep red. */
 function skinColour(t) {
   t = Math.min(1, Math.max(0, t));
@@ -82,15 +65,6 @@ function skinColour(t) {
 
 // ---- the 3-D scene -----------------------------------------------------------------------------------------------
 
-for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
-for (const q of Object.values(quantities)) q.most = q === quantities.displacement ? q.least : q.most;
-for (const frame of frames)  // once more, now that rest shapes are in millimetres
-  frame.fingers.forEach((f, k) => {
-    for (let i = 0; i < f.pressure.length; ++i)
-      quantities.displacement.most = Math.max(quantities.displacement.most,
-                                              quantities.displacement.of(f, i, stage.fingers[k].rest));
-  });
-
 const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
 by('stage').appendChild(renderer.domElement);
 const scene = new THREE.Scene();
@@ -98,8 +72,8 @@ scene.background = new THREE.Color('#eef1f5');
 const camera = new THREE.PerspectiveCamera(32, 1, 1, 4000);
 camera.up.set(0, 0, 1);
 const controls = new THREE.OrbitControls(camera, renderer.domElement);
-scene.add(new THREE.HemisphereLight('#ffffff', '#8a93a0', 0.75));
-const sun = new THREE.DirectionalLight('#ffffff', 0.55);
+scene.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85));
+const sun = new THREE.DirectionalLight('#ffffff', 0.4);
 sun.position.set(1, -1.2, 1.6);
 scene.add(sun);
 
@@ -141,7 +115,7 @@ function geometryOf(object) {
 const objects = stage.objects.map(object => {
   const plane = object.kind === 'plane';
   const mesh = new THREE.Mesh(geometryOf(object), new THREE.MeshLambertMaterial(
-    { color: plane ? '#cdd6e0' : '#7fb0d8', transparent: true, opacity: plane ? 0.35 : 0.5, side: THREE.DoubleSide,
+    { color: plane ? '#dfe7ee' : '#7fb0d8', transparent: true, opacity: plane ? 0.25 : 0.45, side: THREE.DoubleSide,
       depthWrite: false }));
   scene.add(mesh);
   return mesh;
@@ -149,7 +123,7 @@ const objects = stage.objects.map(object => {
 const platforms = stage.thimbles.map(thimble => {
   const holder = new THREE.Group(), disk = new THREE.Group(), r = 1e3 * thimble.radius;
   disk.add(new THREE.Mesh(new THREE.CircleGeometry(r, 48), new THREE.MeshLambertMaterial(
-    { color: '#2f9e44', transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false })));
+    { color: '#2f9e44', transparent: true, opacity: 0.16, side: THREE.DoubleSide, depthWrite: false })));
   const rim = new THREE.BufferGeometry().setFromPoints(Array.from({ length: 65 }, (_, k) =>
     new THREE.Vector3(r * Math.cos(k * Math.PI / 32), r * Math.sin(k * Math.PI / 32), 0)));
   disk.add(new THREE.Line(rim, new THREE.LineBasicMaterial({ color: '#1b7a33' })));
@@ -160,13 +134,34 @@ const platforms = stage.thimbles.map(thimble => {
 
 // ---- showing a frame ---------------------------------------------------------------------------------------------
 
-let now = 0, playing = true, elapsed = 0;
-const spread = Math.max(1e-6, ...frames.map(f => Math.max(0, ...f.fingers.map(finger => {
-  let most = 0;
-  for (let i = 0; i < finger.forces.length; i += 3)
-    most = Math.max(most, Math.hypot(finger.forces[i], finger.forces[i + 1], finger.forces[i + 2]));
-  return most;
-}))));
+const frames = [], most_frames = run.live ? 1800 : Infinity;
+let now = 0, playing = true, elapsed = 0, largest_force = 1e-6;
+
+/** Takes a frame; a time before the last one's means that the run began anew. */
+function addFrame(frame) {
+  if (frames.length > 0 && frame.time < frames[frames.length - 1].time) {
+    frames.length = 0;
+    for (const plot of plots) plot.curves.forEach(curve => { curve.length = 0; });
+  }
+  if (frames.length >= most_frames) {
+    frames.shift();
+    for (const plot of plots) plot.curves.forEach(curve => curve.shift());
+  }
+  frames.push(frame);
+  frame.fingers.forEach((f, k) => {
+    const rest = stage.fingers[k].rest;
+    for (const q of Object.values(quantities))
+      for (let i = 0; i < f.pressure.length; ++i) q.most = Math.max(q.most, q.of(f, i, rest));
+    for (let i = 0; i < f.forces.length; i += 3)
+      largest_force = Math.max(largest_force, Math.hypot(f.forces[i], f.forces[i + 1], f.forces[i + 2]));
+  });
+  for (const plot of plots)
+    plot.curves.forEach((curve, k) => {
+      const value = plot.of(frame, k);
+      curve.push(value);
+      plot.most = Math.max(plot.most, value);
+    });
+}
 
 function showFinger(k, f) {
   const { group, geometry, arrows } = fingers[k], q = quantities[by('colour').value], rest = stage.fingers[k].rest;
@@ -181,7 +176,7 @@ function showFinger(k, f) {
   geometry.attributes.color.needsUpdate = true;
   geometry.computeVertexNormals();
   group.updateMatrixWorld();
-  const line = arrows.geometry.attributes.position.array, scale = 12 / spread, x = new THREE.Vector3();
+  const line = arrows.geometry.attributes.position.array, scale = 12 / largest_force, x = new THREE.Vector3();
   stage.fingers[k].samples.forEach((node, s) => {
     x.fromArray(f.position, 3 * node).applyMatrix4(group.matrixWorld);
     line.set([x.x, x.y, x.z, x.x + scale * f.forces[3 * s], x.y + scale * f.forces[3 * s + 1],
@@ -192,6 +187,7 @@ function showFinger(k, f) {
 }
 
 function show(index) {
+  if (frames.length === 0) return;
   now = Math.max(0, Math.min(frames.length - 1, index));
   const frame = frames[now];
   frame.fingers.forEach((f, k) => showFinger(k, f));
@@ -201,6 +197,7 @@ function show(index) {
     place(platforms[k].disk, t.pose);
     platforms[k].holder.visible = by('platforms').checked;
   });
+  by('when').max = frames.length - 1;
   by('when').value = now;
   by('time').textContent = frame.time.toFixed(2) + ' s';
   showNumbers(frame);
@@ -226,19 +223,20 @@ function showNumbers(frame) {
 
 // ---- plots -------------------------------------------------------------------------------------------------------
 
+const curvesFor = list => list.map(() => []);
 const plots = [
-  { title: 'contact force [N]', curves: stage.fingers.map((_, k) => frames.map(f => f.fingers[k].force)) },
-  { title: 'contact area [mm²]', curves: stage.fingers.map((_, k) => frames.map(f => 1e6 * f.fingers[k].area)) },
-  { title: 'matching residual [mm]', curves: stage.thimbles.map((_, k) => frames.map(f => 1e3 * f.thimbles[k].rms)),
+  { title: 'contact force [N]', curves: curvesFor(stage.fingers), of: (f, k) => f.fingers[k].force },
+  { title: 'contact area [mm²]', curves: curvesFor(stage.fingers), of: (f, k) => 1e6 * f.fingers[k].area },
+  { title: 'matching residual [mm]', curves: curvesFor(stage.thimbles), of: (f, k) => 1e3 * f.thimbles[k].rms,
     colours: stage.thimbles.map(t => palette[t.finger % palette.length]) },
-  { title: 'step time [µs]', curves: run.step_us ? [run.step_us] : [], colours: ['#495057'],
-    line: { at: 1e6 * stage.dt, label: 'time step' } },
+  { title: 'longest step [µs] (line: the time step)', curves: [[]], of: f => f.step_us, colours: ['#495057'],
+    line: 1e6 * stage.dt },
 ].filter(plot => plot.curves.length > 0);
 for (const plot of plots) {
   plot.canvas = document.createElement('canvas');
   plot.canvas.className = 'plot';
   by('plots').appendChild(plot.canvas);
-  plot.most = Math.max(1e-9, ...plot.curves.map(c => c.reduce((a, b) => Math.max(a, b), 0)));
+  plot.most = 1e-9;
 }
 
 function drawPlots() {
@@ -259,10 +257,10 @@ function drawPlots() {
     g.fillText(t1.toFixed(2) + ' s', w - 8, h - 3);
     g.strokeStyle = '#d5dbe3';
     g.strokeRect(44, y(plot.most), w - 52, y(0) - y(plot.most));
-    if (plot.line && plot.line.at <= plot.most) {
+    if (plot.line <= plot.most) {
       g.strokeStyle = '#c62828';
       g.setLineDash([4, 3]);
-      g.beginPath(); g.moveTo(44, y(plot.line.at)); g.lineTo(w - 8, y(plot.line.at)); g.stroke();
+      g.beginPath(); g.moveTo(44, y(plot.line)); g.lineTo(w - 8, y(plot.line)); g.stroke();
       g.setLineDash([]);
     }
     plot.curves.forEach((curve, k) => {
@@ -293,13 +291,14 @@ function follow() {
   controls.update();
 }
 function aim(finger) {
+  if (frames.length === 0) return;
   view.finger = finger;
   const target = middleOf(frames[now], finger);
   let reach = 30;
   for (const f of frames[now].fingers)
     if (finger < 0) reach = Math.max(reach, 26 + target.distanceTo(new THREE.Vector3(1e3 * f.bone[0], 1e3 * f.bone[1], 1e3 * f.bone[2])));
   // From the front right and a little below, where pads touch; planes are glass.
-  camera.position.copy(target).add(new THREE.Vector3(0.75, -0.85, -0.35).normalize().multiplyScalar(3.6 * reach));
+  camera.position.copy(target).add(new THREE.Vector3(0.75, -0.85, -0.35).normalize().multiplyScalar(2.7 * reach));
   view.target.copy(target);
   show(now);
 }
@@ -325,19 +324,35 @@ document.title = stage.title + ' - palpate';
 by('about').textContent = run.about;
 by('summary').textContent = run.summary;
 by('scene').textContent = run.scene;
-by('when').max = frames.length - 1;
+by('summary').parentElement.hidden = run.live;
 by('thimbles-box').hidden = stage.thimbles.length === 0;
+by('settings-box').hidden = by('restart').hidden = !run.live;
 stage.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
 by('colour').onchange = () => { legend(); show(now); };
 by('camera').onchange = () => aim(Number(by('camera').value));
 for (const id of ['arrows', 'platforms', 'objects']) by(id).onchange = () => show(now);
-function play(on) { playing = on; by('play').textContent = on ? 'pause' : 'play'; }
+
+let tell = () => {};  // the live viewer's way to the simulation
+function play(on) {
+  playing = on;
+  by('play').textContent = on ? 'pause' : 'play';
+  tell({ pause: !on });
+}
 by('play').onclick = () => play(!playing);
 by('back').onclick = () => { play(false); show(now - 1); };
-by('forth').onclick = () => { play(false); show(now + 1); };
+by('forth').onclick = () => {
+  play(false);
+  if (run.live && now === frames.length - 1) tell({ step: true });
+  else show(now + 1);
+};
+by('restart').onclick = () => tell({ restart: true });
+by('speed').onchange = () => tell({ speed: Number(by('speed').value) });
 by('when').oninput = () => { play(false); show(Number(by('when').value)); };
 controls.addEventListener('change', () => renderer.render(scene, camera));
 window.addEventListener('resize', () => { resize(); show(now); });
+resize();
+
+// ---- a report: all frames are here --------------------------------------------------------------------------------
 
 let last = 0;
 function tick(stamp) {
@@ -353,15 +368,79 @@ function tick(stamp) {
   }
   requestAnimationFrame(tick);
 }
-legend();
-resize();
-aim(-1);
+function startReport() {
+  const bytes = bytesOf(run.frames), view = new DataView(bytes.buffer);
+  for (let at = 0; at < bytes.length;) {
+    const frame = readFrame(view, at);
+    addFrame(frame);
+    at = frame.end;
+  }
+  legend();
+  aim(-1);
+  requestAnimationFrame(tick);
+}
+
+// ---- live: frames come over a WebSocket -----------------------------------------------------------------------------
+
+function settingRows() {
+  for (const setting of run.settings) {
+    const row = document.createElement('div'), input = document.createElement('input'), value = document.createElement('b');
+    Object.assign(input, { type: 'range', min: setting.min, max: setting.max, step: setting.step, value: setting.value });
+    input.dataset.setting = setting.label;
+    value.textContent = setting.value;
+    input.oninput = () => { value.textContent = input.value; };
+    input.onchange = () => tell({ set: setting.keys.map(key => key + '=' + input.value) });
+    row.className = 'setting';
+    row.append(setting.label, input, value);
+    by('settings').append(row);
+  }
+}
+function startLive() {
+  const socket = new WebSocket('ws://' + location.host + '/frames');
+  let first = true;
+  socket.binaryType = 'arraybuffer';
+  tell = message => socket.readyState === 1 && socket.send(JSON.stringify(message));
+  socket.onmessage = event => {
+    if (typeof event.data === 'string') {
+      const message = JSON.parse(event.data);
+      if (message.reload) location.reload();
+      by('failure').textContent = message.error || '';
+      return;
+    }
+    const most = Object.values(quantities).map(q => q.most).join();
+    addFrame(readFrame(new DataView(event.data), 0));
+    document.body.dataset.frames = frames.length;
+    if (Object.values(quantities).map(q => q.most).join() !== most) legend();
+    if (first) { first = false; legend(); aim(-1); }
+    else if (playing || now >= frames.length - 2) show(frames.length - 1);
+  };
+  socket.onclose = () => { by('failure').textContent = 'The simulation has ended.'; };
+  settingRows();
+}
+
+if (run.live) startLive();
+else startReport();
+
 // A link such as report.html#t=0.4&still=1 opens at a time; tests use it, too.
 const link = new URLSearchParams(location.hash.slice(1));
 if (link.has('t')) show(frames.findIndex(f => f.time >= Number(link.get('t')) - 1e-6));
 if (link.has('colour')) { by('colour').value = link.get('colour'); legend(); show(now); }
 if (link.has('finger')) { by('camera').value = link.get('finger'); aim(Number(link.get('finger'))); }
 if (link.has('still')) play(false);
+if (link.has('probe') && frames.length > 0) probe();
 document.body.dataset.frames = frames.length;
 document.body.dataset.ready = '1';
-requestAnimationFrame(tick);
+
+/** Counts the colours of the picture, and the pixels of strong contact: for tests of what is drawn. */
+function probe() {
+  const w = renderer.domElement.width, h = renderer.domElement.height, pixels = new Uint8Array(4 * w * h), seen = new Set();
+  const gl = renderer.getContext();
+  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  let red = 0;
+  for (let i = 0; i < pixels.length; i += 4) {
+    seen.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
+    if (pixels[i] > 60 && pixels[i] > 1.5 * pixels[i + 1] && pixels[i] > 1.3 * pixels[i + 2]) ++red;
+  }
+  document.body.dataset.colours = seen.size;
+  document.body.dataset.red = red;
+}

@@ -1,0 +1,153 @@
+// `palpate view`: runs a scene in real time and shows it in a browser.
+
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "meshes/input_error.h"
+#include "scenes/commands.h"
+#include "scenes/viewer/report.h"
+#include "scenes/viewer/server.h"
+
+namespace palpate {
+
+namespace {
+
+struct ViewArguments {
+    std::string scene;
+    std::vector<std::string> overrides;
+    int threads = 0, port = 8420;
+    bool any_address = false;
+};
+
+/// The scene's main settings as sliders: label, the keys they change, range and value now.
+nlohmann::json settings_of(const Scene& scene) {
+    nlohmann::json out = nlohmann::json::array();
+    auto add = [&](const std::string& label, std::vector<std::string> keys, double min, double max, double step,
+                   double value) {
+        out.push_back({{"label", label},
+                       {"keys", std::move(keys)},
+                       {"min", min},
+                       {"max", max},
+                       {"step", step},
+                       {"value", value}});
+    };
+    std::vector<std::string> young, low, high;
+    bool limits = false;
+    for (const FingerSpec& f : scene.spec.fingers) {
+        young.push_back("finger." + f.name + ".material.young_kPa");
+        limits |= f.has_limits;
+    }
+    add("Young's modulus, kPa", young, 5, 200, 1, scene.spec.fingers[0].young_modulus / 1e3);
+    if (limits) {
+        add("stretch at least", {"limits.low"}, 0.3, 0.98, 0.01, scene.spec.fingers[0].limit_low);
+        add("stretch at most", {"limits.high"}, 1.02, 2, 0.01, scene.spec.fingers[0].limit_high);
+    }
+    for (const ObjectSpec& o : scene.spec.objects)
+        if (o.friction > 0) add("friction, " + o.name, {"object." + o.name + ".friction"}, 0, 2, 0.05, o.friction);
+    add("Newton iterations", {"solver.newton_iterations"}, 1, 20, 1, std::min(20, scene.spec.solver.newton_iterations));
+    return out;
+}
+
+/// A scene that runs again and again, at some speed, until it is told otherwise.
+struct LiveRun {
+    const ViewArguments& arguments;
+    ViewServer& server;
+    std::vector<std::string> overrides = arguments.overrides;
+    std::unique_ptr<Simulation> simulation{};
+    bool paused = false;
+    int single_steps = 0;
+    double speed = 1;
+
+    void start() {
+        Scene scene = load_scene(arguments.scene, overrides);
+        nlohmann::json data{{"live", true},
+                            {"about", "live"},
+                            {"summary", ""},
+                            {"scene", scene_text(scene)},
+                            {"settings", settings_of(scene)}};
+        simulation = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        data["stage"] = stage_of(*simulation);
+        if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
+        page_data = std::move(data);
+        server.set_page(page_with(page_data));
+    }
+    nlohmann::json page_data{};
+
+    /// Takes overrides over if the scene still loads with them, and says what is wrong if not.
+    void set(const nlohmann::json& keys) {
+        const std::vector<std::string> before = overrides;
+        for (const auto& key : keys)
+            if (key.is_string()) overrides.push_back(key.get<std::string>());
+        try {
+            start();
+            server.tell({{"error", ""}});
+        } catch (const InputError& error) {
+            overrides = before;
+            std::string all;
+            for (const auto& message : error.messages) all += message + "\n";
+            server.tell({{"error", all}});
+        }
+    }
+    void obey(const nlohmann::json& command) {
+        if (command.contains("pause") && command["pause"].is_boolean()) paused = command["pause"];
+        if (command.contains("step")) ++single_steps;
+        if (command.contains("restart")) start();
+        if (command.contains("speed") && command["speed"].is_number())
+            speed = std::clamp(command["speed"].get<double>(), 0.01, 10.0);
+        if (command.contains("set") && command["set"].is_array()) set(command["set"]);
+    }
+};
+
+int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
+    using Clock = std::chrono::steady_clock;
+    ViewServer server(a.port, a.any_address);
+    LiveRun live{a, server};
+    live.start();
+    std::printf("open http://127.0.0.1:%d/   (Ctrl-C ends)\n", server.port());
+    std::fflush(stdout);
+    std::vector<std::uint8_t> frame;
+    double longest_us = 0;
+    auto due = Clock::now(), next_frame = due;
+    while (!stop) {
+        for (const auto& command : server.take_commands()) live.obey(command);
+        Simulation& s = *live.simulation;
+        const bool single = live.single_steps > 0;
+        if (!live.paused || single) {
+            if (s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
+            Simulation& running = *live.simulation;
+            advance(running);
+            longest_us = std::max(longest_us, 1e6 * running.world.profile.total());
+            live.single_steps = single ? live.single_steps - 1 : 0;
+        }
+        const auto now = Clock::now();
+        if (now >= next_frame || single) {
+            frame.clear();
+            append_frame(frame, *live.simulation, longest_us);
+            server.publish(frame);
+            longest_us = 0;
+            next_frame = now + std::chrono::milliseconds(33);
+        }
+        due += std::chrono::duration_cast<Clock::duration>(
+            std::chrono::duration<double>(live.simulation->world.solver.dt / live.speed));
+        if (due < now - std::chrono::milliseconds(200)) due = now;  // too slow for real time: do not race to catch up
+        std::this_thread::sleep_until(std::min(due, now + std::chrono::milliseconds(50)));
+        if (live.paused) due = Clock::now() + std::chrono::milliseconds(10);
+    }
+    return 0;
+}
+
+}  // namespace
+
+Action add_view_command(CLI::App& program, const std::atomic<bool>& stop) {
+    auto* c = program.add_subcommand("view", "run a scene in real time and watch it in a browser");
+    auto a = std::make_shared<ViewArguments>();
+    c->add_option("scene", a->scene, "scene file (.toml)")->required();
+    c->add_option("--set", a->overrides, "override a value of the scene")->take_all()->allow_extra_args(false);
+    c->add_option("--threads", a->threads, "threads (default: all cores)")->check(CLI::Range(1, 1024));
+    c->add_option("--port", a->port, "port of the page (default: 8420; 0 = any free one)")->check(CLI::Range(0, 65535));
+    c->add_flag("--any-address", a->any_address, "let other machines watch and steer, too (default: this one only)");
+    return [a, &stop] { return view_scene(*a, stop); };
+}
+
+}  // namespace palpate

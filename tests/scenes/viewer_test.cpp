@@ -1,0 +1,225 @@
+// The viewer: frames, report, the live server with good and bad clients, and the page in a real browser where one is
+// installed (Debian package chromium).
+
+#include <civetweb.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <condition_variable>
+#include <cstring>
+#include <fstream>
+#include <mutex>
+#include <sstream>
+
+#include "meshes/input_error.h"
+#include "scenes/viewer/report.h"
+#include "scenes/viewer/server.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+
+float float_at(const std::vector<std::uint8_t>& bytes, std::size_t at) {
+    float v;
+    std::memcpy(&v, &bytes[at], sizeof v);
+    return v;
+}
+
+TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
+    Simulation s = make_simulation(load_scene(scenes + "press.toml"), 1);
+    while (s.world.contact_surfaces[0].normal_force < 0.3) advance(s);
+    const nlohmann::json stage = stage_of(s);
+    std::vector<std::uint8_t> frame;
+    append_frame(frame, s, 123);
+    const auto& finger = stage["fingers"][0];
+    const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();
+    const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
+    EXPECT_EQ(frame.size(), 8 + 36 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8);
+    EXPECT_NEAR(float_at(frame, 0), s.world.time, 1e-6);
+    EXPECT_EQ(float_at(frame, 4), 123);
+    const Pose<double> bone = bone_pose(s.world, s.fingers[0]);
+    EXPECT_NEAR(float_at(frame, 16), bone.position.z, 1e-8);
+    EXPECT_NEAR(float_at(frame, 36), s.world.contact_surfaces[0].normal_force, 1e-6);
+    double pressure = 0;
+    for (std::size_t i = 0; i < nodes; ++i) {
+        std::int16_t x[3];
+        std::uint16_t p;
+        std::memcpy(x, &frame[44 + 10 * i], 6);
+        std::memcpy(&p, &frame[44 + 10 * i + 6], 2);
+        for (int d = 0; d < 3; ++d) EXPECT_NEAR(2e-6 * x[d], finger["rest"][3 * i + d].get<double>(), 4e-3);
+        pressure = std::max(pressure, 0.01 * p);
+    }
+    EXPECT_GT(pressure, 1);  // kPa
+    for (const auto& t : finger["triangles"]) EXPECT_LT(t.get<std::size_t>(), nodes);
+}
+
+std::string shell(const std::string& command) {
+    FILE* pipe = popen((command + " 2>/dev/null").c_str(), "r");
+    std::string out;
+    char buffer[65536];
+    for (std::size_t n; (n = fread(buffer, 1, sizeof buffer, pipe)) > 0;) out.append(buffer, n);
+    pclose(pipe);
+    return out;
+}
+const std::string browser =
+    "timeout 100 chromium --headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--window-size=1280,800 --dump-dom ";
+bool browser_is_installed() { return std::system("command -v chromium > /dev/null 2>&1") == 0; }
+/// The value of an attribute of the page's body; empty if it has none.
+std::string attribute(const std::string& page, const std::string& name) {
+    const std::string mark = name + "=\"";
+    const std::size_t body = page.find("<body"), at = page.find(mark, body);
+    if (body == std::string::npos || at == std::string::npos || at > page.find('>', body)) return "";
+    return page.substr(at + mark.size(), page.find('"', at + mark.size()) - at - mark.size());
+}
+
+TEST(Report, IsOneFileThatABrowserPlays) {
+    testing::ScratchFolder scratch;
+    const std::string file = (scratch.path / "report.html").string(), out = (scratch.path / "out").string();
+    ASSERT_EQ(std::system((std::string(PALPATE_PROGRAM) + " run " + scenes + "press.toml --quiet --out " + out +
+                           " --report " + file)
+                              .c_str()),
+              0);
+    std::ifstream in(file);
+    std::stringstream text;
+    text << in.rdbuf();
+    EXPECT_LT(text.str().size(), 10'000'000u);
+    EXPECT_EQ(text.str().find("src=\"http"), std::string::npos);  // opens offline
+    EXPECT_EQ(text.str().find("/*DATA*/"), std::string::npos);
+    if (!browser_is_installed()) GTEST_SKIP() << "no browser to open it with (Debian package chromium)";
+    const std::string at = "--virtual-time-budget=3000 'file://" + file;
+    const std::string before = shell(browser + at + "#t=0&still=1&probe=1'"),
+                      during = shell(browser + at + "#t=0.5&still=1&probe=1'");
+    for (const std::string* page : {&before, &during}) {
+        EXPECT_EQ(attribute(*page, "data-ready"), "1");
+        EXPECT_EQ(attribute(*page, "data-error"), "");
+        EXPECT_GT(std::atoi(attribute(*page, "data-colours").c_str()), 50) << "the picture is blank";
+    }
+    // Contact shows: pixels of the scale's deep red.
+    EXPECT_GT(std::atoi(attribute(during, "data-red").c_str()), std::atoi(attribute(before, "data-red").c_str()) + 20);
+}
+
+/// A client of the live server that keeps what it gets.
+struct Client {
+    mg_connection* connection = nullptr;
+    std::mutex mutex;
+    std::condition_variable changed;
+    std::vector<float> times;
+    std::vector<std::string> texts;
+    bool closed = false;
+
+    explicit Client(int port, const char* origin = nullptr) {
+        char error[200] = "";
+        connection = mg_connect_websocket_client(
+            "127.0.0.1", port, 0, error, sizeof error, "/frames", origin,
+            [](mg_connection*, int kind, char* data, std::size_t size, void* user) -> int {
+                Client& c = *static_cast<Client*>(user);
+                const std::lock_guard lock(c.mutex);
+                if ((kind & 0xf) == MG_WEBSOCKET_OPCODE_BINARY && size >= 4) {
+                    float time;
+                    std::memcpy(&time, data, 4);
+                    c.times.push_back(time);
+                } else if ((kind & 0xf) == MG_WEBSOCKET_OPCODE_TEXT) {
+                    c.texts.emplace_back(data, size);
+                }
+                c.changed.notify_all();
+                return 1;
+            },
+            [](const mg_connection*, void* user) {
+                Client& c = *static_cast<Client*>(user);
+                const std::lock_guard lock(c.mutex);
+                c.closed = true;
+                c.changed.notify_all();
+            },
+            this);
+    }
+    ~Client() {
+        if (connection) mg_close_connection(connection);
+    }
+    void send(const std::string& text) {
+        mg_websocket_client_write(connection, MG_WEBSOCKET_OPCODE_TEXT, text.data(), text.size());
+    }
+    template <class Condition>
+    bool wait_for(Condition condition) {
+        std::unique_lock lock(mutex);
+        return changed.wait_for(lock, std::chrono::seconds(20), condition);
+    }
+};
+
+TEST(ViewServer, ServesFramesAndTakesCommandsButNotFromStrangers) {
+    ViewServer server(0, false);
+    server.set_page("<p>hello</p>");
+    Client client(server.port());
+    ASSERT_TRUE(client.connection);
+    std::vector<std::uint8_t> frame(8, 0);
+    for (int i = 0; i < 200 && client.times.empty(); ++i) {  // until the handshake is through
+        frame.assign(8, 0);
+        server.publish(frame);
+        usleep(10'000);
+    }
+    EXPECT_TRUE(client.wait_for([&] { return !client.times.empty(); }));
+    for (const char* text : {"{\"pause\":true}", "[1,2]", "{", "null", "\xff\xfe", ""}) client.send(text);
+    std::vector<nlohmann::json> commands;
+    for (int i = 0; i < 200 && commands.empty(); ++i, usleep(10'000)) commands = server.take_commands();
+    ASSERT_EQ(commands.size(), 1u);
+    EXPECT_EQ(commands[0]["pause"], true);
+    client.send("{\"set\":[\"" + std::string(5000, 'x') + "\"]}");
+    EXPECT_TRUE(client.wait_for([&] { return client.closed; }));
+    EXPECT_TRUE(server.take_commands().empty());
+    Client stranger(server.port(), "http://example.com");
+    EXPECT_FALSE(stranger.connection);
+    EXPECT_THROW(ViewServer(server.port(), false), InputError);
+}
+
+TEST(View, ShowsARunThatObeys) {
+    testing::ScratchFolder scratch;
+    const std::string log = (scratch.path / "log").string();
+    const pid_t child = fork();
+    if (child == 0) {
+        if (!freopen(log.c_str(), "w", stdout)) _exit(3);
+        execl(PALPATE_PROGRAM, "palpate", "view", (scenes + "press.toml").c_str(), "--port", "0", nullptr);
+        _exit(4);
+    }
+    int port = 0;
+    for (int i = 0; i < 500 && port == 0; ++i, usleep(20'000)) {
+        std::ifstream in(log);
+        std::string line;
+        std::getline(in, line);
+        std::sscanf(line.c_str(), "open http://127.0.0.1:%d/", &port);
+    }
+    ASSERT_GT(port, 0);
+    {
+        Client client(port);
+        ASSERT_TRUE(client.connection);
+        EXPECT_TRUE(client.wait_for([&] { return client.times.size() > 5 && client.times.back() > 0.1f; }));
+        client.send(R"({"set":["finger.index.material.young_kPa=60"]})");  // the run begins anew
+        EXPECT_TRUE(client.wait_for([&] {
+            for (std::size_t i = 1; i < client.times.size(); ++i)
+                if (client.times[i] < client.times[i - 1]) return true;
+            return false;
+        }));
+        client.send(R"({"set":["finger.index.material.young_kPa=-1"]})");
+        EXPECT_TRUE(client.wait_for([&] {
+            for (const auto& t : client.texts)
+                if (t.find("young_kPa") != std::string::npos) return true;
+            return false;
+        }));
+        if (browser_is_installed()) {
+            const std::string page =
+                shell(browser + "--timeout=4000 --virtual-time-budget=20000 'http://127.0.0.1:" + std::to_string(port) +
+                      "/'");
+            EXPECT_EQ(attribute(page, "data-error"), "");
+            EXPECT_GE(std::atoi(attribute(page, "data-frames").c_str()), 1);
+        }
+    }
+    kill(child, SIGINT);
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+}
+
+}  // namespace
+}  // namespace palpate
