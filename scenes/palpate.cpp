@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
     actions["mesh"] = palpate::add_mesh_command(program);
     actions["device"] = palpate::add_device_command(program);
     actions["compare"] = palpate::add_compare_command(program, stop_requested);
+    actions["replay"] = palpate::add_replay_command(program, stop_requested);
     actions["view"] = palpate::add_view_command(program, stop_requested);
     actions["explain"] = palpate::add_explain_command(program);
     try {

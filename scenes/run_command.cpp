@@ -6,6 +6,7 @@
 #include "meshes/input_error.h"
 #include "scenes/commands.h"
 #include "scenes/recording/results.h"
+#include "scenes/recording/run_file.h"
 #include "scenes/viewer/report.h"
 
 namespace palpate {
@@ -13,7 +14,7 @@ namespace palpate {
 namespace {
 
 struct RunArguments {
-    std::string scene, out, report;
+    std::string scene, out, report, record;
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0;
@@ -46,8 +47,11 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     ReportRecorder report;
     const auto show = progress_bar(a.quiet);
-    run(simulation, stop, [&](double share) {
+    std::unique_ptr<RunWriter> record;
+    if (!a.record.empty()) record = std::make_unique<RunWriter>(a.record, simulation, overrides);
+    run(simulation, stop, [&](const StepInputs& inputs, double share) {
         if (!a.report.empty()) report.record(simulation);
+        if (record) record->record(inputs, simulation);
         if (show) show(share);
     });
     const Summary summary = summarise(simulation);
@@ -70,6 +74,7 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     auto a = std::make_shared<RunArguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();
     c->add_option("--out", a->out, "folder for results (default: results/SCENE)");
+    c->add_option("--record", a->record, "record inputs and outcome of every step; `palpate replay` runs it again");
     c->add_option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
     c->add_option("--set", a->overrides,
                   "override a value of the scene, for example finger.index.material.young_kPa=40")

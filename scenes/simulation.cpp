@@ -89,15 +89,24 @@ Simulation make_simulation(Scene scene, int threads) {
     return s;
 }
 
-void advance(Simulation& s) {
-    World& w = s.world;
-    const double next = w.time + w.solver.dt;
-    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
-        const Coupling& coupling = *w.couplings.find(s.fingers[i]);
-        w.tracker_poses.find(coupling.tracker)->incoming = tracked_pose(s.scene, int(i), next);
+StepInputs next_inputs(const Simulation& s) {
+    const double next = s.world.time + s.world.solver.dt;
+    StepInputs inputs;
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) inputs.fingers.push_back(tracked_pose(s.scene, int(i), next));
+    for (std::size_t i = 0; i < s.world.shapes.size(); ++i) {
+        const bool moves = i < s.scene.object_motions.size() && !s.scene.object_motions[i].empty();
+        inputs.objects.push_back(moves ? trajectory_pose(s.scene.object_motions[i], next) : s.world.shapes[i].pose);
     }
-    for (std::size_t i = 0; i < s.scene.object_motions.size(); ++i)
-        if (!s.scene.object_motions[i].empty()) w.shapes[i].pose = trajectory_pose(s.scene.object_motions[i], next);
+    return inputs;
+}
+
+void advance(Simulation& s) { advance(s, next_inputs(s)); }
+
+void advance(Simulation& s, const StepInputs& inputs) {
+    World& w = s.world;
+    for (std::size_t i = 0; i < s.fingers.size(); ++i)
+        w.tracker_poses.find(w.couplings.find(s.fingers[i])->tracker)->incoming = inputs.fingers[i];
+    for (std::size_t i = 0; i < w.shapes.size(); ++i) w.shapes[i].pose = inputs.objects[i];
     step(w, *s.arena);
     for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
@@ -108,11 +117,13 @@ void advance(Simulation& s) {
         s.step_series.values.push_back(1e6 * seconds);
 }
 
-void run(Simulation& s, const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
+void run(Simulation& s, const std::atomic<bool>& stop,
+         const std::function<void(const StepInputs&, double)>& after_step) {
     const auto steps = std::int64_t(std::llround(s.scene.duration / s.world.solver.dt));
     for (std::int64_t k = 0; k < std::max<std::int64_t>(1, steps) && !stop; ++k) {
-        advance(s);
-        if (progress) progress(double(k + 1) / double(steps));
+        const StepInputs inputs = next_inputs(s);
+        advance(s, inputs);
+        if (after_step) after_step(inputs, double(k + 1) / double(steps));
     }
     for (auto& loop : s.loops) park(*loop);
     // Half a second more for the thimbles alone, to reach their rest pose.

@@ -25,10 +25,20 @@ struct Simulation {
 /// Threads: 0 = as many as the machine has.
 Simulation make_simulation(Scene scene, int threads);
 
-/// One step: trackers and scripts in, world stepped, device loops ticked, one row recorded.
+/// What goes into a step from outside.
+struct StepInputs {
+    std::vector<TrackerPose::Sample> fingers;  ///< per finger
+    std::vector<Pose<double>> objects;         ///< per object, fixed ones too
+};
+/// Of the next step, from scripts and recordings.
+StepInputs next_inputs(const Simulation& simulation);
+
+/// One step: inputs in, world stepped, device loops ticked, one row recorded.
+void advance(Simulation& simulation, const StepInputs& inputs);
 void advance(Simulation& simulation);
 
-/// Runs to the scene's end or until `stop`; calls progress(share done) now and then.
-void run(Simulation& simulation, const std::atomic<bool>& stop, const std::function<void(double)>& progress);
+/// Runs to the scene's end or until `stop`; calls after_step(inputs, share done) after each step.
+void run(Simulation& simulation, const std::atomic<bool>& stop,
+         const std::function<void(const StepInputs&, double)>& after_step);
 
 }  // namespace palpate

@@ -1,0 +1,129 @@
+// Recorded runs: the same bits again, and nothing lost to a kill.
+
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <random>
+
+#include "meshes/input_error.h"
+#include "scenes/recording/run_file.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+
+int palpate_program(const std::string& arguments) {
+    const int status = std::system((std::string(PALPATE_PROGRAM) + " " + arguments + " > /dev/null 2>&1").c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// Records `steps` steps of a scene.
+void record(const std::filesystem::path& path, const std::string& scene, int steps) {
+    Simulation s = make_simulation(load_scene(scenes + scene), 1);
+    RunWriter writer(path, s, {});
+    for (int k = 0; k < steps; ++k) {
+        const StepInputs inputs = next_inputs(s);
+        advance(s, inputs);
+        writer.record(inputs, s);
+    }
+}
+
+TEST(Record, ReplayGivesTheSameBitsForAnyNumberOfThreads) {
+    testing::ScratchFolder scratch;
+    const std::string file = (scratch.path / "run.palpate").string(), out = (scratch.path / "out").string();
+    ASSERT_EQ(
+        palpate_program("run " + scenes + "hand.toml --duration 0.6 --threads 2 --out " + out + " --record " + file),
+        0);
+    EXPECT_EQ(palpate_program("replay " + file + " --threads 1"), 0);
+    EXPECT_EQ(palpate_program("replay " + file + " --threads 2 --out " + out + "2"), 0);
+    EXPECT_TRUE(std::filesystem::exists(out + "2/index.csv"));
+    EXPECT_EQ(palpate_program("replay " + file + " --extract " + out + ".toml"), 0);
+    EXPECT_EQ(std::filesystem::file_size(out + ".toml"), std::filesystem::file_size(scenes + "hand.toml"));
+}
+
+TEST(Record, SaysWhereARunComesOutOtherwise) {
+    testing::ScratchFolder scratch;
+    record(scratch.path / "run", "press.toml", 60);
+    RecordedRun run = read_run(scratch.path / "run");
+    ASSERT_EQ(run.steps.size(), 60u);
+    run.steps[30].inputs.fingers[0].pose.position.x += 1e-6;
+    Simulation s = make_simulation(load_scene(run.scene, run.overrides), 1);
+    for (std::size_t k = 0; k < run.steps.size(); ++k) {
+        advance(s, run.steps[k].inputs);
+        EXPECT_EQ(outcome_of(s).hashes == run.steps[k].outcome.hashes, k < 30) << "step " << k;
+    }
+}
+
+TEST(Record, AChangedSceneIsNotReplayed) {
+    testing::ScratchFolder scratch;
+    const auto scene = scratch.path / "scene.toml";
+    std::filesystem::copy_file(scenes + "press.toml", scene);
+    const std::string file = (scratch.path / "run").string(), out = (scratch.path / "out").string();
+    ASSERT_EQ(palpate_program("run " + scene.string() + " --duration 0.1 --out " + out + " --record " + file), 0);
+    std::ofstream(scene, std::ios::app) << "\n# changed\n";
+    EXPECT_EQ(palpate_program("replay " + file), 2);
+    EXPECT_EQ(palpate_program("replay " + file + " --extract " + scene.string()), 0);
+    EXPECT_EQ(palpate_program("replay " + file), 0);
+}
+
+TEST(Record, EverythingUpToTheLastCompleteFrameCanBeReadWhereverTheFileEnds) {
+    testing::ScratchFolder scratch;
+    const auto whole = scratch.path / "run", cut = scratch.path / "cut";
+    record(whole, "press.toml", 40);
+    std::ifstream in(whole, std::ios::binary);
+    const std::vector<char> bytes{std::istreambuf_iterator<char>(in), {}};
+    const std::size_t frame = 12 + 8 + 1 + 8 + 56 + 56 + 3 * 8 + 24;  // one finger, one object, one thimble
+    const std::size_t header = bytes.size() - 40 * frame;
+    std::mt19937 random(1);
+    for (int trial = 0; trial < 100; ++trial) {
+        const std::size_t size = std::uniform_int_distribution<std::size_t>(header, bytes.size())(random);
+        std::ofstream(cut, std::ios::binary).write(bytes.data(), std::streamsize(size));
+        const RecordedRun run = read_run(cut);
+        EXPECT_EQ(run.steps.size(), (size - header) / frame);
+        EXPECT_EQ(run.unread_bytes, (size - header) % frame);
+    }
+    for (int trial = 0; trial < 100; ++trial) {  // damage
+        auto damaged = bytes;
+        const std::size_t at = std::uniform_int_distribution<std::size_t>(header, bytes.size() - 1)(random);
+        damaged[at] = char(damaged[at] ^ (1 << trial % 8));
+        std::ofstream(cut, std::ios::binary).write(damaged.data(), std::streamsize(damaged.size()));
+        EXPECT_EQ(read_run(cut).steps.size(), (at - header) / frame);
+    }
+    for (const std::string& text :
+         {std::string(), std::string("palpate1"), std::string("palpate1{}{}{}{}{}{}{}{}{}")}) {
+        std::ofstream(cut, std::ios::binary) << text;
+        EXPECT_THROW(read_run(cut), InputError);
+    }
+}
+
+TEST(Record, NothingRecordedIsLostWhenTheProcessIsKilled) {
+    testing::ScratchFolder scratch;
+    std::mt19937 random(2);
+    for (int trial = 0; trial < 8; ++trial) {
+        const std::string file = (scratch.path / "run").string();
+        std::filesystem::remove(file);
+        const pid_t child = fork();
+        if (child == 0) {
+            execl(PALPATE_PROGRAM, "palpate", "run", (scenes + "press.toml").c_str(), "--quiet", "--duration", "500",
+                  "--out", (scratch.path / "out").c_str(), "--record", file.c_str(), nullptr);
+            _exit(4);
+        }
+        std::uintmax_t seen = 0;
+        for (int i = 0; i < 2000 && seen < 20'000; ++i, usleep(2'000))
+            if (std::filesystem::exists(file)) seen = std::filesystem::file_size(file);
+        usleep(std::uniform_int_distribution<useconds_t>(0, 30'000)(random));
+        kill(child, SIGKILL);
+        waitpid(child, nullptr, 0);
+        const RecordedRun run = read_run(file);
+        EXPECT_GT(run.steps.size(), 50u);
+        EXPECT_EQ(run.unread_bytes, 0u);  // frames are written whole
+        for (std::size_t k = 1; k < run.steps.size(); ++k) EXPECT_GT(run.steps[k].time, run.steps[k - 1].time);
+    }
+}
+
+}  // namespace
+}  // namespace palpate
