@@ -17,7 +17,7 @@ struct RunArguments {
     std::string scene, out, report, record;
     std::vector<std::string> overrides;
     int threads = 0;
-    double duration = 0;
+    double duration = 0, pads_per_second = 0;
     bool quiet = false, json = false, statics = false;
 };
 
@@ -47,15 +47,19 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     ReportRecorder report;
     const auto show = progress_bar(a.quiet);
+    std::unique_ptr<PadSeries> pads;
+    if (a.pads_per_second > 0) pads = std::make_unique<PadSeries>(folder, a.pads_per_second);
     std::unique_ptr<RunWriter> record;
     if (!a.record.empty()) record = std::make_unique<RunWriter>(a.record, simulation, overrides);
     run(simulation, stop, [&](const StepInputs& inputs, double share) {
         if (!a.report.empty()) report.record(simulation);
         if (record) record->record(inputs, simulation);
+        if (pads) pads->record(simulation);
         if (show) show(share);
     });
     const Summary summary = summarise(simulation);
     const auto files = write_results(folder, simulation, summary);
+    if (pads) pads->finish(simulation);
     if (!a.report.empty()) report.write(a.report, simulation, summary);
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
@@ -74,6 +78,8 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     auto a = std::make_shared<RunArguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();
     c->add_option("--out", a->out, "folder for results (default: results/SCENE)");
+    c->add_option("--pads-per-second", a->pads_per_second, "also write pads over time for ParaView (.vtu, .pvd)")
+        ->check(CLI::Range(1e-3, 1e5));
     c->add_option("--record", a->record, "record inputs and outcome of every step; `palpate replay` runs it again");
     c->add_option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
     c->add_option("--set", a->overrides,

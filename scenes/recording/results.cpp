@@ -1,7 +1,9 @@
 #include "scenes/recording/results.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
@@ -77,10 +79,60 @@ void write_nodes(const fs::path& path, const World& world, EntityId finger) {
 
 namespace {
 
+std::string pad_file(const std::string& finger, std::size_t number) {
+    char text[32];
+    std::snprintf(text, sizeof text, "_%04zu.vtu", number);
+    return finger + text;
+}
+
+void make_folder(const fs::path& folder) {
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
+}
+
+}  // namespace
+
+PadSeries::PadSeries(fs::path folder, double rate) : folder_(std::move(folder)), rate_(rate) { make_folder(folder_); }
+
+void PadSeries::record(const Simulation& s) {
+    if (s.world.time + 1e-9 < next_) return;
+    for (const EntityId finger : s.fingers)
+        write_pad(folder_ / pad_file(s.world.skins.find(finger)->name, times_.size()), s.world, finger);
+    times_.push_back(s.world.time);
+    next_ = s.world.time + 1 / rate_;
+}
+
+void PadSeries::finish(const Simulation& s) const {
+    for (const Skin& skin : s.world.skins) {
+        std::ostringstream out;
+        out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n";
+        for (std::size_t k = 0; k < times_.size(); ++k)
+            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << pad_file(skin.name, k) << "\"/>\n";
+        out << "</Collection></VTKFile>\n";
+        write_file(folder_ / (skin.name + ".pvd"), out.str());
+    }
+}
+
+namespace {
+
+/// Share of steps by duration, on forty bins up to the slowest.
+Curve histogram(const std::string& name, const std::vector<double>& values) {
+    constexpr int bins = 40;
+    const double most = values.empty() ? 1 : *std::max_element(values.begin(), values.end()) * (1 + 1e-9) + 1e-9;
+    std::vector<double> count(bins, 0.0);
+    for (double v : values) count[std::size_t(bins * std::max(0.0, v) / most)] += 100.0 / double(values.size());
+    Curve c{name, {}, {}};
+    for (int i = 0; i < bins; ++i)  // steps, not slopes
+        for (int side : {0, 1}) c.x.push_back(most * (i + side) / bins), c.y.push_back(count[std::size_t(i)]);
+    return c;
+}
+
 std::vector<Plot> plots_of(const Simulation& s) {
     std::vector<Plot> plots{{"Contact force", "time [s]", "force [N]", {}, {}, false},
                             {"Contact area", "time [s]", "area [mm2]", {}, {}, false},
-                            {"Step time", "time [s]", "wall time [us]", {}, {}, false}};
+                            {"Step time", "time [s]", "wall time [us]", {}, {}, false},
+                            {"Steps by duration", "wall time [us]", "share of steps [%]", {}, {}, false}};
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const Series& series = s.finger_series[i];
         const auto time = series.column("time_s");
@@ -91,15 +143,14 @@ std::vector<Plot> plots_of(const Simulation& s) {
     const auto time = s.step_series.column("time_s");
     plots[2].curves.push_back({"whole step", time, s.step_series.column("total_us")});
     plots[2].curves.push_back({"skin solve", time, s.step_series.column("solve_skin_us")});
+    plots[3].curves.push_back(histogram("whole step", s.step_series.column("total_us")));
     return plots;
 }
 
 }  // namespace
 
 std::vector<fs::path> write_results(const fs::path& folder, const Simulation& s, const Summary& summary) {
-    std::error_code error;
-    fs::create_directories(folder, error);
-    if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
+    make_folder(folder);
     std::vector<fs::path> files;
     auto add = [&](const std::string& name) { return files.emplace_back(folder / name); };
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {

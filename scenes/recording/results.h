@@ -21,6 +21,22 @@ void write_pad(const std::filesystem::path& path, const World& world, EntityId f
 /// force [N] and bone reaction [N], world frame.
 void write_nodes(const std::filesystem::path& path, const World& world, EntityId finger);
 
+/// Pads over time for ParaView: NAME_0000.vtu, ... and NAME.pvd per finger, no more often than `rate` per simulated
+/// second. Throws InputError where it cannot write.
+class PadSeries {
+  public:
+    PadSeries(std::filesystem::path folder, double rate);
+    /// Call after every step.
+    void record(const Simulation& simulation);
+    /// Writes the .pvd files.
+    void finish(const Simulation& simulation) const;
+
+  private:
+    std::filesystem::path folder_;
+    double rate_, next_ = 0;
+    std::vector<double> times_;
+};
+
 /// Fingers, objects and platforms in an orthographic view, skin coloured by contact pressure.
 void write_picture(const std::filesystem::path& path, const Simulation& simulation);
 

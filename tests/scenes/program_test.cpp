@@ -35,7 +35,8 @@ const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
 TEST(Program, RunWritesEverythingItPromises) {
     ScratchFolder scratch;
     const auto out = scratch.path / "out";
-    const Outcome o = palpate_program("run " + scenes + "press.toml --json --duration 0.35 --out " + out.string());
+    const Outcome o = palpate_program("run " + scenes +
+                                      "press.toml --json --duration 0.35 --pads-per-second 10 --out " + out.string());
     ASSERT_EQ(o.code, 0) << o.out;
     const auto j = nlohmann::json::parse(o.out);
     EXPECT_GT(j["fingers"][0]["peak_force_N"].get<double>(), 0.1);
@@ -45,6 +46,12 @@ TEST(Program, RunWritesEverythingItPromises) {
          {"index.csv", "index.vtu", "steps.csv", "plots.svg", "picture.svg", "summary.json", "summary.txt"})
         EXPECT_GT(std::filesystem::file_size(out / file), 100u) << file;
     EXPECT_GT(read_tet_mesh(out / "index.vtu", "mm").tets.size(), 300u);
+    std::ifstream pvd(out / "index.pvd");
+    const std::string series{std::istreambuf_iterator<char>(pvd), {}};
+    for (const char* pad : {"index_0000.vtu", "index_0003.vtu"}) {
+        EXPECT_NE(series.find(pad), std::string::npos) << pad;
+        EXPECT_EQ(read_tet_mesh(out / pad, "mm").tets.size(), read_tet_mesh(out / "index.vtu", "mm").tets.size());
+    }
     std::ifstream csv(out / "index.csv");
     EXPECT_EQ(std::count(std::istreambuf_iterator<char>(csv), {}, '\n'), 71);
 }
