@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 
+#include "bench/field_error.h"
 #include "bench/methods/body.h"
 #include "engine/build.h"
 #include "engine/step.h"
@@ -93,7 +94,7 @@ SceneSpec scene_of(const Task& task, double dt, bool bare) {
 }
 
 struct Outcome {
-    std::vector<std::vector<Vec3<double>>> forces;  ///< [step][sample]
+    ForceFields forces;
     double us_per_step = 0, violation = 0;
 };
 
@@ -146,29 +147,6 @@ Outcome run(const Task& task, double dt, int substeps, const std::function<void(
     return out;
 }
 
-/// Mean over the steps in contact of sum |F_i - Fref_i| / sum |Fref_i|, and of the same for the total force.
-void report(benchmark::State& state, const Outcome& out, const Outcome& reference) {
-    double field = 0, total = 0;
-    int steps = 0;
-    for (std::size_t k = 0; k < out.forces.size(); ++k) {
-        double difference = 0, size = 0;
-        Vec3<double> sum{0, 0, 0}, sum_reference{0, 0, 0};
-        for (std::size_t i = 0; i < out.forces[k].size(); ++i) {
-            difference += norm(out.forces[k][i] - reference.forces[k][i]);
-            size += norm(reference.forces[k][i]);
-            sum += out.forces[k][i];
-            sum_reference += reference.forces[k][i];
-        }
-        if (size < 1e-3) continue;
-        field += difference / size;
-        total += norm(sum - sum_reference) / norm(sum_reference);
-        ++steps;
-    }
-    state.counters["field_error_%"] = 100 * field / steps;
-    state.counters["total_error_%"] = 100 * total / steps;
-    state.counters["violation_%"] = 100 * out.violation;
-}
-
 void compare(benchmark::State& state, const Task& task, double dt, const std::string& method, int iterations) {
     static std::map<std::string, Outcome> references;
     const std::string key = task.name + std::to_string(dt);
@@ -190,7 +168,10 @@ void compare(benchmark::State& state, const Task& task, double dt, const std::st
         if (other) out = run(task, dt, 1, {}, other.get());
         state.SetIterationTime(1e-6 * out.us_per_step);
     }
-    report(state, out, references[key]);
+    const FieldError error = field_error(out.forces, references[key].forces, 1e-3);
+    state.counters["field_error_%"] = 100 * error.field;
+    state.counters["total_error_%"] = 100 * error.total;
+    state.counters["violation_%"] = 100 * out.violation;
 }
 
 const bool registered = [] {

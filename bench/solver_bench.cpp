@@ -9,6 +9,7 @@
 #include <map>
 
 #include "bench/eigen_baseline.h"
+#include "bench/field_error.h"
 #include "engine/build.h"
 #include "engine/skin/kernels.h"
 #include "engine/skin/solve_skin.h"
@@ -69,8 +70,8 @@ SceneSpec scene_of(const Press& press, bool single_precision) {
 }
 
 struct Outcome {
-    std::vector<double> step_us;                    ///< the skin solve
-    std::vector<std::vector<Vec3<double>>> forces;  ///< [step][finger and sample]
+    std::vector<double> step_us;  ///< the skin solve
+    ForceFields forces;           ///< [step][finger and sample]
     double bytes_per_finger = 0;
 };
 
@@ -100,28 +101,6 @@ double quantile(std::vector<double> v, double q) {
     return *at;
 }
 
-/// Mean over the steps in contact of sum |F_i - Fref_i| / sum |Fref_i|, and of the same for the total force.
-void report_errors(benchmark::State& state, const Outcome& out, const Outcome& reference) {
-    double field = 0, total = 0;
-    int steps = 0;
-    for (std::size_t k = 0; k < out.forces.size(); ++k) {
-        double difference = 0, size = 0;
-        Vec3<double> sum{0, 0, 0}, sum_reference{0, 0, 0};
-        for (std::size_t i = 0; i < out.forces[k].size(); ++i) {
-            difference += norm(out.forces[k][i] - reference.forces[k][i]);
-            size += norm(reference.forces[k][i]);
-            sum += out.forces[k][i];
-            sum_reference += reference.forces[k][i];
-        }
-        if (size < 1e-6) continue;  // not yet in contact
-        field += difference / size;
-        total += norm(sum - sum_reference) / norm(sum_reference);
-        ++steps;
-    }
-    state.counters["field_error_%"] = 100 * field / steps;
-    state.counters["total_error_%"] = 100 * total / steps;
-}
-
 template <class T>
 void solver(benchmark::State& state, Press press) {
     static std::map<std::pair<std::vector<int>, int>, Outcome> references;
@@ -146,7 +125,10 @@ void solver(benchmark::State& state, Press press) {
     state.counters["us_per_finger"] = median / double(press.elements.size());
     state.counters["p99_us"] = quantile(out.step_us, 0.99);
     state.counters["kB_per_finger"] = 1e-3 * out.bytes_per_finger;
-    if (compare) report_errors(state, out, references[key]);
+    if (!compare) return;
+    const FieldError error = field_error(out.forces, references[key].forces, 1e-6);
+    state.counters["field_error_%"] = 100 * error.field;
+    state.counters["total_error_%"] = 100 * error.total;
 }
 
 void eigen_T0(benchmark::State& state) {

@@ -301,6 +301,14 @@ TetMesh read_tet_mesh(const fs::path& path, const std::string& unit) {
     return mesh;
 }
 
+std::string read_file(const fs::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::ostringstream text;
+    text << in.rdbuf();
+    if (!in) throw InputError(path.string() + ": cannot be read");
+    return text.str();
+}
+
 void write_file(const fs::path& path, const std::string& text) {
     const fs::path temporary = path.string() + ".part";
     {

@@ -26,5 +26,7 @@ void write_vtu(const std::filesystem::path& path, const TetMesh& mesh, const std
 
 /// Writes text to a file under a temporary name, then renames it: the file is complete or absent.
 void write_file(const std::filesystem::path& path, const std::string& text);
+/// A whole file. Throws InputError where it cannot be read.
+std::string read_file(const std::filesystem::path& path);
 
 }  // namespace palpate

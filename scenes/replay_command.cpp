@@ -1,8 +1,6 @@
 // `palpate replay`: runs a recorded run again from what went in, and compares what comes out bit for bit.
 
 #include <cstdio>
-#include <fstream>
-#include <sstream>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
@@ -22,12 +20,11 @@ struct ReplayArguments {
 
 /// The recorded scene, if its file still says what it said then.
 Scene recorded_scene(const RecordedRun& run, const std::string& file) {
-    std::ifstream in(run.scene, std::ios::binary);
-    std::ostringstream text;
-    text << in.rdbuf();
-    if (!in || text.str() != run.text)
-        throw InputError(run.scene + ": " + (in ? "has changed since the run was recorded" : "cannot be read") +
-                         "; `palpate replay " + file + " --extract " + run.scene + "` puts back what it said then");
+    const std::string remedy =
+        "; `palpate replay " + file + " --extract " + run.scene + "` puts back what it said then";
+    if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);
+    if (read_file(run.scene) != run.text)
+        throw InputError(run.scene + ": has changed since the run was recorded" + remedy);
     return load_scene(run.scene, run.overrides);
 }
 

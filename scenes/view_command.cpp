@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
 #include "scenes/commands.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
@@ -64,7 +65,7 @@ struct LiveRun {
         nlohmann::json data{{"live", true},
                             {"about", "live"},
                             {"summary", ""},
-                            {"scene", scene_text(scene)},
+                            {"scene", read_file(scene.file)},
                             {"settings", settings_of(scene)}};
         simulation = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
         data["stage"] = stage_of(*simulation);

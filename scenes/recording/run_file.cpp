@@ -2,10 +2,9 @@
 
 #include <array>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
 
 namespace palpate {
 
@@ -118,14 +117,11 @@ StepOutcome outcome_of(const Simulation& s) {
 RunWriter::RunWriter(const std::filesystem::path& path, const Simulation& s, const std::vector<std::string>& overrides)
     : path_(path), file_(std::fopen(path.c_str(), "wb"), &std::fclose) {
     if (!file_) throw InputError(path.string() + ": cannot be written: " + std::strerror(errno));
-    std::ifstream in(s.scene.file, std::ios::binary);
-    std::ostringstream text;
-    text << in.rdbuf();
     std::vector<std::string> fingers, objects;
     for (const Skin& skin : s.world.skins) fingers.push_back(skin.name);
     for (const RigidShape& o : s.world.shapes) objects.push_back(o.name);
     const nlohmann::json header{{"scene", std::filesystem::absolute(s.scene.file).lexically_normal().string()},
-                                {"text", text.str()},
+                                {"text", read_file(s.scene.file)},
                                 {"overrides", overrides},
                                 {"fingers", fingers},
                                 {"objects", objects},
@@ -163,9 +159,7 @@ void RunWriter::record(const StepInputs& inputs, const Simulation& s) {
 }
 
 RecordedRun read_run(const std::filesystem::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    if (!in) throw InputError(path.string() + ": cannot be read");
-    const std::vector<char> raw{std::istreambuf_iterator<char>(in), {}};
+    const std::string raw = read_file(path);
     const auto* bytes = reinterpret_cast<const std::uint8_t*>(raw.data());
     const std::string what = path.string() + ": not a recorded run (`palpate run SCENE --record FILE` writes one): ";
     if (raw.size() < sizeof magic || std::memcmp(bytes, magic, sizeof magic) != 0)

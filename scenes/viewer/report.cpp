@@ -1,8 +1,6 @@
 #include "scenes/viewer/report.h"
 
 #include <cstdio>
-#include <fstream>
-#include <sstream>
 
 #include "meshes/mesh_files.h"
 #include "scenes/viewer/assets.h"
@@ -57,13 +55,6 @@ std::string page_with(const nlohmann::json& data) {
     return page;
 }
 
-std::string scene_text(const Scene& scene) {
-    std::ifstream in(scene.file, std::ios::binary);
-    std::ostringstream text;
-    text << in.rdbuf();
-    return text.str();
-}
-
 void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
     char about[200];
     std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %d frames shown (at most %.0f per second)",
@@ -72,7 +63,7 @@ void ReportRecorder::write(const std::filesystem::path& path, const Simulation& 
                                 {"frames", base64(frames_)},
                                 {"about", about},
                                 {"summary", to_text(summary)},
-                                {"scene", scene_text(s.scene)}}));
+                                {"scene", read_file(s.scene.file)}}));
 }
 
 }  // namespace palpate

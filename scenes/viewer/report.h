@@ -25,7 +25,5 @@ class ReportRecorder {
 
 /// The page with its data filled in.
 std::string page_with(const nlohmann::json& data);
-/// The scene file's text.
-std::string scene_text(const Scene& scene);
 
 }  // namespace palpate
