@@ -7,6 +7,7 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/commands.h"
+#include "scenes/trackers/udp_hand.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 
@@ -17,7 +18,8 @@ namespace {
 struct ViewArguments {
     std::string scene;
     std::vector<std::string> overrides;
-    int threads = 0, port = 8420;
+    int threads = 0, port = 8420, hand_port = -1;
+    std::string hand = "right";
     bool any_address = false;
 };
 
@@ -54,6 +56,7 @@ nlohmann::json settings_of(const Scene& scene) {
 struct LiveRun {
     const ViewArguments& arguments;
     ViewServer& server;
+    const UdpHand* hand;  ///< null: fingers follow the scene's recording
     std::vector<std::string> overrides = arguments.overrides;
     std::unique_ptr<Simulation> simulation{};
     bool paused = false;
@@ -74,6 +77,23 @@ struct LiveRun {
         server.set_page(page_with(page_data));
     }
     nlohmann::json page_data{};
+
+    /// One step; fingers that follow a hand follow the live one, if there is one.
+    void advance_live() {
+        Simulation& s = *simulation;
+        StepInputs inputs = next_inputs(s);
+        for (std::size_t i = 0; hand && i < inputs.fingers.size(); ++i) {
+            const int followed = s.scene.finger_motions[i].recorded_finger;
+            if (followed < 0) continue;
+            inputs.fingers[i] = hand->newest(followed);
+            inputs.fingers[i].time = s.world.time + s.world.solver.dt;
+            inputs.fingers[i].pose = compose(s.scene.recording_pose, inputs.fingers[i].pose);
+        }
+        advance(s, inputs);
+        // Rows are for results, which a live run has none of: without end, they would fill the memory.
+        for (Series& series : s.finger_series) series.values.clear();
+        s.step_series.values.clear();
+    }
 
     /// Takes overrides over if the scene still loads with them, and says what is wrong if not.
     void set(const nlohmann::json& keys) {
@@ -103,8 +123,11 @@ struct LiveRun {
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     using Clock = std::chrono::steady_clock;
     ViewServer server(a.port, a.any_address);
-    LiveRun live{a, server};
+    std::unique_ptr<UdpHand> hand;
+    if (a.hand_port >= 0) hand = std::make_unique<UdpHand>(a.hand_port, a.hand, a.any_address);
+    LiveRun live{a, server, hand.get()};
     live.start();
+    if (hand) std::printf("the %s hand is expected on UDP port %d\n", a.hand.c_str(), hand->port());
     std::printf("open http://127.0.0.1:%d/   (Ctrl-C ends)\n", server.port());
     std::fflush(stdout);
     std::vector<std::uint8_t> frame;
@@ -115,10 +138,9 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         Simulation& s = *live.simulation;
         const bool single = live.single_steps > 0;
         if (!live.paused || single) {
-            if (s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
-            Simulation& running = *live.simulation;
-            advance(running);
-            longest_us = std::max(longest_us, 1e6 * running.world.profile.total());
+            if (!hand && s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
+            live.advance_live();
+            longest_us = std::max(longest_us, 1e6 * live.simulation->world.profile.total());
             live.single_steps = single ? live.single_steps - 1 : 0;
         }
         const auto now = Clock::now();
@@ -135,6 +157,11 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         std::this_thread::sleep_until(std::min(due, now + std::chrono::milliseconds(50)));
         if (live.paused) due = Clock::now() + std::chrono::milliseconds(10);
     }
+    if (hand) {
+        const UdpHandCounts counts = hand->counts();
+        std::printf("%lld frames of the hand, %lld messages that were none%s%s\n", (long long)counts.frames,
+                    (long long)counts.malformed, counts.malformed ? ", the last: " : "", counts.last_problem.c_str());
+    }
     return 0;
 }
 
@@ -147,6 +174,9 @@ Action add_view_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--set", a->overrides, "override a value of the scene")->take_all()->allow_extra_args(false);
     c->add_option("--threads", a->threads, "threads (default: all cores)")->check(CLI::Range(1, 1024));
     c->add_option("--port", a->port, "port of the page (default: 8420; 0 = any free one)")->check(CLI::Range(0, 65535));
+    c->add_option("--hand-port", a->hand_port, "fingers that follow a hand follow one that arrives on this UDP port")
+        ->check(CLI::Range(0, 65535));
+    c->add_option("--hand", a->hand, "which hand (default: right)")->check(CLI::IsMember({"left", "right"}));
     c->add_flag("--any-address", a->any_address, "let other machines watch and steer, too (default: this one only)");
     return [a, &stop] { return view_scene(*a, stop); };
 }

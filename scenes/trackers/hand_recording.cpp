@@ -129,8 +129,8 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
     std::ifstream in(path);
     std::string line;
     HandRecording recording;
-    double scale = 1, first_time = 0;
-    Matrix3d up = upright(true);
+    double first_time = 0;
+    HandFrameUnits units;
     for (int number = 1; next_line(in, line); ++number) {
         if (line.empty()) continue;
         const auto json = nlohmann::json::parse(line, nullptr, false);
@@ -138,37 +138,15 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
             refuse(path, number,
                    "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");
         if (!json.contains("joints")) {
-            const std::string units = json.value("units", "m"), axis = json.value("up", "y");
-            if (units != "m" && units != "mm")
-                refuse(path, number, "units: expected \"m\" or \"mm\", found \"" + units + "\"");
-            if (axis != "y" && axis != "z") refuse(path, number, "up: expected \"y\" or \"z\", found \"" + axis + "\"");
-            scale = units == "mm" ? 1e-3 : 1;
-            up = upright(axis == "y");
+            units = {};
+            if (const std::string wrong = read_units(json, units); !wrong.empty()) refuse(path, number, wrong);
             continue;
         }
         if (json.value("hand", hand) != hand) continue;
-        const auto& joints = json["joints"];
-        if (!json.contains("t") || !json["t"].is_number() || !joints.is_array() || joints.size() != 26)
-            refuse(path, number, "expected a time \"t\" and 26 joints");
         HandRecording::Frame frame;
-        frame.valid = json.value("valid", true);
-        auto entry = [&](int joint, int k) {
-            const auto& row = joints[joint];
-            if (!row.is_array() || row.size() < 7 || !row[k].is_number())
-                refuse(path, number, "joint " + std::to_string(joint) + ": expected [x, y, z, qx, qy, qz, qw, radius]");
-            return row[k].get<double>();
-        };
-        for (int f = 0; f < 5; ++f) {
-            const int distal = f == 0 ? 4 : 4 + 5 * f, tip = distal + 1;
-            const Vector3d a(entry(distal, 0), entry(distal, 1), entry(distal, 2)),
-                b(entry(tip, 0), entry(tip, 1), entry(tip, 2));
-            const Eigen::Quaterniond q(entry(distal, 6), entry(distal, 3), entry(distal, 4), entry(distal, 5));
-            if (q.norm() < 1e-3)
-                frame.valid = false;
-            else
-                frame.finger[f] =
-                    finger_pose(scale * (up * a), scale * (up * b), up * q.normalized().toRotationMatrix());
-        }
+        std::string wrong = read_hand_frame(json, units, frame);
+        if (wrong.empty() && (!json.contains("t") || !json["t"].is_number())) wrong = "expected a time \"t\"";
+        if (!wrong.empty()) refuse(path, number, wrong);
         const double time = json["t"].get<double>();
         if (recording.frames.empty()) first_time = time;
         add_frame(recording, frame, time - first_time, path, number);
@@ -177,6 +155,44 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
 }
 
 }  // namespace
+
+std::string read_units(const nlohmann::json& json, HandFrameUnits& units) {
+    auto text = [&](const char* key, const std::string& fallback) {
+        return !json.contains(key) ? fallback : json[key].is_string() ? json[key].get<std::string>() : json[key].dump();
+    };
+    const std::string unit = text("units", units.scale == 1 ? "m" : "mm"), axis = text("up", units.y_up ? "y" : "z");
+    if (unit != "m" && unit != "mm") return "units: expected \"m\" or \"mm\", found \"" + unit + "\"";
+    if (axis != "y" && axis != "z") return "up: expected \"y\" or \"z\", found \"" + axis + "\"";
+    units = {unit == "mm" ? 1e-3 : 1, axis == "y"};
+    return "";
+}
+
+std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandRecording::Frame& frame) {
+    const auto joints = json.find("joints"), valid = json.find("valid");
+    if (joints == json.end() || !joints->is_array() || joints->size() != 26) return "expected 26 \"joints\"";
+    frame.valid = valid == json.end() || (valid->is_boolean() && valid->get<bool>());
+    const Matrix3d up = upright(units.y_up);
+    for (int f = 0; f < 5; ++f) {
+        const int distal = f == 0 ? 4 : 4 + 5 * f;
+        double v[2][7];
+        for (int j = 0; j < 2; ++j)
+            for (int k = 0; k < 7; ++k) {
+                const auto& row = (*joints)[std::size_t(distal + j)];
+                if (!row.is_array() || row.size() < 7 || !row[std::size_t(k)].is_number())
+                    return "joint " + std::to_string(distal + j) + ": expected [x, y, z, qx, qy, qz, qw, radius]";
+                v[j][k] = row[std::size_t(k)].get<double>();
+            }
+        const Eigen::Quaterniond q(v[0][6], v[0][3], v[0][4], v[0][5]);
+        if (!(q.norm() > 1e-3)) {
+            frame.valid = false;
+            continue;
+        }
+        frame.finger[std::size_t(f)] =
+            finger_pose(units.scale * (up * Vector3d(v[0])), units.scale * (up * Vector3d(v[1])),
+                        up * q.normalized().toRotationMatrix());
+    }
+    return "";
+}
 
 HandRecording read_hand_recording(const std::filesystem::path& path, const std::string& hand) {
     if (!std::filesystem::is_regular_file(path)) throw InputError(path.string() + ": no such file");

@@ -3,6 +3,8 @@
 
 #include <array>
 #include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
 #include "engine/world.h"
@@ -22,6 +24,20 @@ struct HandRecording {
     std::vector<Frame> frames;
     double largest_gap = 0;  ///< between frames [s]
 };
+
+/// Unit of length and up axis of joints.
+struct HandFrameUnits {
+    double scale = 1;  ///< metres per unit
+    bool y_up = true;
+};
+
+/// Takes units ("m" or "mm") and up axis ("y" or "z") from an object that names them. Returns what is wrong; empty if
+/// nothing is.
+std::string read_units(const nlohmann::json& json, HandFrameUnits& units);
+
+/// Finger poses from one object {"joints": 26 x [x, y, z, qx, qy, qz, qw, ...], "valid"}. Returns what is wrong; empty
+/// if nothing is. Does not set the frame's time.
+std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandRecording::Frame& frame);
 
 /// Reads JSON lines (a header with units and up axis, then {"t", "hand", "valid", "joints": 26 x
 /// [x, y, z, qx, qy, qz, qw, radius]}, joints ordered and oriented as in XR_EXT_hand_tracking) or the CSV of the

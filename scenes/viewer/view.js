@@ -252,7 +252,7 @@ function drawPlots() {
     g.fillText(plot.title, 44, 11);
     g.fillStyle = '#5b6675';
     g.textAlign = 'right';
-    g.fillText(plot.most.toPrecision(3), 40, y(plot.most) + 4);
+    if (plot.most > 1e-6) g.fillText(plot.most.toPrecision(3), 40, y(plot.most) + 4);
     g.fillText('0', 40, y(0) + 4);
     g.fillText(t1.toFixed(2) + ' s', w - 8, h - 3);
     g.strokeStyle = '#d5dbe3';
