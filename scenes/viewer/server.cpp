@@ -23,6 +23,7 @@ struct ViewServer::State {
     std::string page;
     std::vector<mg_connection*> clients;
     std::vector<std::uint8_t> newest, sending;
+    std::vector<std::string> texts;  ///< to be sent before the newest frame
     bool fresh = false, ending = false;
     std::condition_variable arrived;
     std::vector<nlohmann::json> commands;
@@ -31,12 +32,14 @@ struct ViewServer::State {
     void send_frames() {
         std::unique_lock lock(frame_mutex);
         while (true) {
-            arrived.wait(lock, [&] { return fresh || ending; });
+            arrived.wait(lock, [&] { return fresh || ending || !texts.empty(); });
             if (ending) return;
-            std::swap(newest, sending);
-            fresh = false;
+            const std::vector<std::string> messages = std::exchange(texts, {});
+            const bool frame = std::exchange(fresh, false);
+            if (frame) std::swap(newest, sending);
             lock.unlock();
-            write(MG_WEBSOCKET_OPCODE_BINARY, reinterpret_cast<const char*>(sending.data()), sending.size());
+            for (const auto& text : messages) write(MG_WEBSOCKET_OPCODE_TEXT, text.data(), text.size());
+            if (frame) write(MG_WEBSOCKET_OPCODE_BINARY, reinterpret_cast<const char*>(sending.data()), sending.size());
             lock.lock();
         }
     }
@@ -161,8 +164,11 @@ void ViewServer::publish(std::vector<std::uint8_t>& frame) {
 }
 
 void ViewServer::tell(const nlohmann::json& message) {
-    const std::string text = message.dump();
-    state_->write(MG_WEBSOCKET_OPCODE_TEXT, text.data(), text.size());
+    {
+        const std::lock_guard lock(state_->frame_mutex);
+        if (state_->texts.size() < most_commands) state_->texts.push_back(message.dump());
+    }
+    state_->arrived.notify_one();
 }
 
 std::vector<nlohmann::json> ViewServer::take_commands() {

@@ -1,8 +1,10 @@
 // The viewer: frames, report, the live server with good and bad clients, and the page in a real browser where one is
 // installed (Debian package chromium).
 
+#include <arpa/inet.h>
 #include <civetweb.h>
 #include <signal.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -100,6 +102,33 @@ TEST(Report, IsOneFileThatABrowserPlays) {
     }
     // Contact shows: pixels of the scale's deep red.
     EXPECT_GT(std::atoi(attribute(during, "data-red").c_str()), std::atoi(attribute(before, "data-red").c_str()) + 20);
+}
+
+TEST(ViewServer, DoesNotWaitForAClientThatDoesNotRead) {
+    ViewServer server(0, false);
+    const int s = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(std::uint16_t(server.port()));
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    ASSERT_EQ(connect(s, reinterpret_cast<sockaddr*>(&to), sizeof to), 0);
+    const std::string hello =
+        "GET /frames HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n";
+    ASSERT_EQ(write(s, hello.data(), hello.size()), ssize_t(hello.size()));
+    char answer[12] = "";
+    ASSERT_EQ(read(s, answer, sizeof answer), ssize_t(sizeof answer));
+    EXPECT_EQ(std::string(answer, 12), "HTTP/1.1 101");
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < 200; ++i) {  // far more than a socket holds
+        std::vector<std::uint8_t> frame(1'000'000, 7);
+        server.publish(frame);
+        server.tell({{"error", "x"}});
+        server.set_page("page " + std::to_string(i));
+        usleep(1000);
+    }
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+    close(s);
 }
 
 /// A client of the live server that keeps what it gets.
