@@ -1,5 +1,6 @@
 // `palpate view`: runs a scene in real time and shows it in a browser.
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <thread>
@@ -127,6 +128,9 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     if (a.hand_port >= 0) hand = std::make_unique<UdpHand>(a.hand_port, a.hand, a.any_address);
     LiveRun live{a, server, hand.get()};
     live.start();
+    const auto& motions = live.simulation->scene.finger_motions;
+    if (hand && std::none_of(motions.begin(), motions.end(), [](const auto& m) { return m.recorded_finger >= 0; }))
+        throw InputError(a.scene + ": --hand-port needs fingers that follow a hand; see scenes/recorded_hand.toml");
     if (hand) std::printf("the %s hand is expected on UDP port %d\n", a.hand.c_str(), hand->port());
     std::printf("open http://127.0.0.1:%d/   (Ctrl-C ends)\n", server.port());
     std::fflush(stdout);
