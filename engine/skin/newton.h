@@ -4,8 +4,7 @@
 #include <limits>
 #include <tuple>
 
-#include "engine/skin/evaluate.h"
-#include "engine/skin/supernode_cholesky.h"
+#include "engine/skin/direction.h"
 
 namespace palpate {
 
@@ -81,132 +80,6 @@ inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
             store<R>(&c.state.friction_radius[i], select(lanes, radius, load<R>(&c.state.friction_radius[i])));
         }
     }
-}
-
-/// Factors the Newton matrix. Returns per lane the number of pivots that had to be replaced.
-template <class R>
-inline R factor_matrix(SkinChunk<ScalarOf<R>>& c) {
-    const SkinTopology& t = *c.topology;
-    if constexpr (lane_width<R> == 1)
-        return factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(), c.scratch.panels.data(),
-                                    c.scratch.panel_work.data());
-    else
-        return factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data());
-}
-
-/// Solves for the right-hand side in scratch.permuted, in place.
-template <class R>
-inline void solve_matrix(SkinChunk<ScalarOf<R>>& c) {
-    const SkinTopology& t = *c.topology;
-    if constexpr (lane_width<R> == 1)
-        solve_supernodes<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
-                            c.scratch.panel_work.data());
-    else
-        solve_blocks<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
-}
-
-/// Slope g . d of the masked lanes' direction.
-template <class R>
-inline R slope_of(const SkinChunk<ScalarOf<R>>& c) {
-    constexpr int W3 = 3 * lane_width<R>;
-    R slope(0);
-    for (int i : c.topology->unknowns)
-        slope += dot(load_vec3<R>(&c.scratch.direction[i * W3]), load_vec3<R>(&c.scratch.gradient[i * W3]));
-    return slope;
-}
-
-/// Newton direction -H^-1 g of the masked lanes, and its slope.
-template <class R>
-inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_pivots) {
-    constexpr int W3 = 3 * lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    bad_pivots = factor_matrix<R>(c);
-    for (int i : t.unknowns)
-        store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
-    solve_matrix<R>(c);
-    for (int i : t.unknowns) {
-        auto* p = &c.scratch.direction[i * W3];
-        store_vec3<R>(p, select(lanes, load_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3]), load_vec3<R>(p)));
-    }
-    return slope_of<R>(c);
-}
-
-/// What contact does at the end of the direction, beyond what its linearisation said: r = c(x + d) - c(x) - C d of
-/// every sample on a free node. Takes the new gradient and curvature as the current ones, the change of curvature into
-/// the matrix, and leaves r as right-hand side. Returns |r|^2.
-template <class R>
-inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness) {
-    using T = ScalarOf<R>;
-    constexpr int W3 = 3 * lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    R squared(0);
-    for (std::size_t s = 0; s < t.samples.size(); ++s) {
-        const int node = t.samples[s];
-        if (t.elimination[node] < 0) continue;
-        const Vec3<R> x = load_vec3<R>(&c.state.position[node * W3]) + load_vec3<R>(&c.scratch.direction[node * W3]);
-        Vec3<R> gradient{R(0), R(0), R(0)};
-        Mat3<R> curvature = Mat3<R>::zero();
-        for (int slot = 0; slot < c.slot_capacity; ++slot) {
-            if (c.slots[slot].object < 0) continue;
-            const ContactTerms<R> terms = sample_contact<R>(c, slot, s, x, exactness).terms;
-            gradient += terms.gradient;
-            curvature = curvature + terms.curvature;
-        }
-        T *old_gradient = &c.scratch.sample_gradient[s * W3], *old_curvature = &c.scratch.sample_curvature[3 * s * W3];
-        const Mat3<R> old = load_mat3<R>(old_curvature);
-        const Vec3<R> step = load_vec3<R>(&c.scratch.permuted[t.elimination[node] * W3]);
-        const Vec3<R> zero{R(0), R(0), R(0)};
-        const Vec3<R> r = select(lanes, gradient - load_vec3<R>(old_gradient) - old * step, zero);
-        squared += dot(r, r);
-        Mat3<R> change;
-        for (int i = 0; i < 9; ++i)
-            change.m[i / 3][i % 3] = select(lanes, curvature.m[i / 3][i % 3] - old.m[i / 3][i % 3], R(0));
-        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], change);
-        store_vec3<R>(old_gradient, gradient);
-        store_mat3<R>(old_curvature, curvature);
-        store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
-    }
-    return squared;
-}
-
-/// Improves the direction where contacts open, close, stick or slide along it: Newton on the same linearised tissue
-/// with contact as it is. That costs a factorisation an iteration, but no element. Returns the slope.
-template <class R>
-inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, MaskOf<R> lanes, const R& exactness,
-                         const R& residual, R slope) {
-    using T = ScalarOf<R>;
-    constexpr int W3 = 3 * lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    const bool touches = std::any_of(c.slots.begin(), c.slots.end(), [](const auto& s) { return s.object >= 0; });
-    if (settings.contact_iterations <= 0 || !touches) return slope;
-    const R first_slope = slope;
-    c.scratch.first_direction = c.scratch.direction;
-    lanes = lanes & (slope < R(0));
-    for (int k = 0; k < settings.contact_iterations; ++k) {
-        const R surprise = contact_surprise<R>(c, lanes, exactness);
-        lanes = lanes & (surprise > R(T(settings.contact_share * settings.contact_share)) * residual);
-        if (!any(lanes)) break;
-        factor_matrix<R>(c);
-        std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
-        for (std::size_t s = 0; s < t.samples.size(); ++s)
-            if (t.elimination[t.samples[s]] >= 0)
-                store_vec3<R>(&c.scratch.permuted[t.elimination[t.samples[s]] * W3],
-                              -load_vec3<R>(&c.scratch.sample_residual[s * W3]));
-        solve_matrix<R>(c);
-        for (int i : t.unknowns) {
-            T *step = &c.scratch.permuted[t.elimination[i] * W3], *direction = &c.scratch.direction[i * W3];
-            const Vec3<R> masked = select(lanes, load_vec3<R>(step), Vec3<R>{R(0), R(0), R(0)});
-            store_vec3<R>(step, masked);
-            store_vec3<R>(direction, load_vec3<R>(direction) + masked);
-        }
-    }
-    slope = slope_of<R>(c);
-    const MaskOf<R> worse = slope >= R(0);
-    if (any(worse))
-        for (std::size_t i = 0; i < c.scratch.direction.size(); i += lane_width<R>)
-            store<R>(&c.scratch.direction[i],
-                     select(worse, load<R>(&c.scratch.first_direction[i]), load<R>(&c.scratch.direction[i])));
-    return select(worse, first_slope, slope);
 }
 
 /// base <- current position in the masked lanes.
