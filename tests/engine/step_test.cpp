@@ -78,9 +78,9 @@ void drive(World& world, oneapi::tbb::task_arena& arena, int steps) {
 }
 
 TEST(Step, SameBitsForAnyNumberOfThreads) {
-    const oneapi::tbb::global_control four_threads(oneapi::tbb::global_control::max_allowed_parallelism, 4);
+    const oneapi::tbb::global_control eight_threads(oneapi::tbb::global_control::max_allowed_parallelism, 8);
     std::vector<World> worlds;
-    for (int threads : {1, 2, 4}) {
+    for (int threads : {1, 2, 4, 8}) {
         worlds.push_back(build_world(scene_of(6, true)));
         oneapi::tbb::task_arena arena(threads);
         drive(worlds.back(), arena, 40);

@@ -158,7 +158,8 @@ std::vector<std::vector<Vec3<double>>> force_fields(const std::string& scene,
     return steps;
 }
 
-TEST_P(EveryScene, FloatGivesTheForcesOfDouble) {
+/// With the few iterations of the preset in both. Converged, float is up to 1e-2 off where there is friction (README).
+TEST_P(EveryScene, FloatGivesTheForcesOfDoubleWithTheRealTimePreset) {
     const std::vector<std::string> doubles{"solver.preset=real-time"};
     const std::vector<std::string> floats{"solver.preset=real-time", "solver.precision=float"};
     const auto d = force_fields(GetParam(), doubles), f = force_fields(GetParam(), floats);
