@@ -208,8 +208,10 @@ auto with_chunk(const World& world, EntityId finger, Read read) {
 std::vector<Point> finger_positions(const World& world, EntityId finger) {
     return with_chunk(world, finger, [](const auto& c, int lane) {
         std::vector<Point> nodes(c.topology->node_count);
-        for (std::size_t i = 0; i < nodes.size(); ++i)
-            for (int d = 0; d < 3; ++d) nodes[i][d] = c.state.position[(3 * i + d) * c.width + lane];
+        for (std::size_t i = 0; i < nodes.size(); ++i) {
+            const Vec3<double> x = node_position(c, int(i), lane);
+            nodes[i] = {x.x, x.y, x.z};
+        }
         return nodes;
     });
 }
@@ -224,10 +226,7 @@ std::vector<Vec3<double>> bone_reactions(const World& world, EntityId finger) {
 }
 
 Pose<double> bone_pose(const World& world, EntityId finger) {
-    return with_chunk(world, finger, [](const auto& c, int lane) {
-        auto b = [&](int i) { return double(c.state.bone[i * c.width + lane]); };
-        return Pose<double>{{b(0), b(1), b(2)}, {b(3), b(4), b(5), b(6)}};
-    });
+    return with_chunk(world, finger, [](const auto& c, int lane) { return lane_bone(c, lane); });
 }
 
 const SkinStatus& skin_status(const World& world, EntityId finger) {

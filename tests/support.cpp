@@ -72,7 +72,10 @@ void aim_all(SkinChunk<T>& c, double linear, double angular, const Pose<double>&
     for (int s = 0; s < bone_spring_count; ++s)
         for (int i = 0; i < 9; ++i)
             for (int l = 0; l < c.width; ++l)
-                c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i]);
+                {
+                const double origin = i >= 2 && i < 5 ? c.state.origin[(i - 2) * c.width + l] : 0;
+                c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i] - origin);
+            }
 }
 template void aim_all(SkinChunk<double>&, double, double, const Pose<double>&);
 template void aim_all(SkinChunk<float>&, double, double, const Pose<double>&);

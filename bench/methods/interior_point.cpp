@@ -44,7 +44,7 @@ class InteriorPoint : public Method {
                 f(limit[6 * e + 3 + i], constraints.high - sigma, 1e-3, least_limit);
             }
         for (std::size_t s = 0; s < contact.size(); ++s)
-            f(contact[s], c.state.position[3 * c.topology->samples[s] + 2], 1e-6, least_contact);
+            f(contact[s], node_position(c, c.topology->samples[s], 0).z, 1e-6, least_contact);
     }
 
     /// Gradient of smoothed friction; its curvature is radius / max(|slip|, rest) in the plane.
@@ -111,7 +111,7 @@ class InteriorPoint : public Method {
             }
         for (std::size_t s = 0; s < contact.size(); ++s) {
             const int node = t.samples[s];
-            const double gap = c.state.position[3 * node + 2];
+            const double gap = node_position(c, node, 0).z;
             const Pair& p = contact[s];
             Row row;
             add_node(c, node, {0, 0, 1}, row);
@@ -145,7 +145,7 @@ class InteriorPoint : public Method {
         for (std::size_t s = 0; s < contact.size(); ++s) {
             Row row;
             add_node(c, c.topology->samples[s], {0, 0, 1}, row);
-            note(contact[s], c.state.position[3 * c.topology->samples[s] + 2], times(row, dx), mu_contact);
+            note(contact[s], node_position(c, c.topology->samples[s], 0).z, times(row, dx), mu_contact);
         }
         std::size_t k = 0;
         auto take = [&](Pair& p) {

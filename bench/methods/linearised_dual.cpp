@@ -71,7 +71,7 @@ class LinearisedDual : public Method {
             Row row;
             add_node(c, node, {0, 0, 1}, row);
             const std::size_t before = active.size();
-            consider(row, c.state.position[3 * node + 2], 2e-4, force[s].z);
+            consider(row, node_position(c, node, 0).z, 2e-4, force[s].z);
             if (active.size() == before || constraints.friction <= 0) continue;
             const Vec3<double> moved = slip(c, node);
             for (int d = 0; d < 2; ++d) {

@@ -49,7 +49,7 @@ Pose<double> next_target(Coupling& c, const Pose<double>& wanted, double dt) {
 
 template <class T>
 void store_spring(SkinChunk<T>& c, int spring, int lane, double linear, double angular, const Pose<double>& target) {
-    const Vec3<double>& p = target.position;
+    const Vec3<double> p = target.position - lane_origin(c, lane);
     const Quaternion<double>& q = target.rotation;
     const double v[9] = {linear, angular, p.x, p.y, p.z, q.w, q.x, q.y, q.z};
     for (int i = 0; i < 9; ++i) c.scratch.bone_springs[(9 * spring + i) * c.width + lane] = T(v[i]);
@@ -58,9 +58,9 @@ void store_spring(SkinChunk<T>& c, int spring, int lane, double linear, double a
 template <class T>
 void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling& coupling) {
     const int W = c.width;
-    auto bone = [&](int i) { return double(c.state.bone[i * W + lane]); };
     auto rate = [&](int i) { return double(c.state.bone_velocity[i * W + lane]); };
-    const Pose<double> now{{bone(0), bone(1), bone(2)}, {bone(3), bone(4), bone(5), bone(6)}};
+    rebase_lane(c, lane);
+    const Pose<double> now = lane_bone(c, lane);
 
     Pose<double> pulled = coupling.target;
     const Vec3<double> d = pulled.position - now.position;

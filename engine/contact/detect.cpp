@@ -20,7 +20,7 @@ Reach lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver) 
     Vec3<double> low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
     for (int node : t.samples)
         for (int d = 0; d < 3; ++d) {
-            const double x = c.state.position[(3 * node + d) * W + lane];
+            const double x = c.state.position[(3 * node + d) * W + lane] + c.state.origin[d * W + lane];
             low[d] = std::min(low[d], x);
             high[d] = std::max(high[d], x);
         }
@@ -99,9 +99,7 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const SolverSettings& sol
             slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity,
                                 [](const ContactSlot& s) { return s.object < 0; });
         const RigidShape& shape = shapes[near[i].object];
-        const Quaternion<double> turn = normalised(shape.pose.rotation * conjugate(shape.previous.rotation));
-        const Pose<double> motion{shape.pose.position - rotation_matrix(turn) * shape.previous.position, turn};
-        *slot = {near[i].object, shape.shape, shape.pose, motion, shape.friction};
+        *slot = {near[i].object, shape.shape, shape.pose, shape.previous, shape.friction};
     }
     return crowded;
 }

@@ -14,19 +14,17 @@ template <class T>
 void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out) {
     const SkinTopology& t = *c.topology;
     const int W = c.width;
-    Quaternion<double> q{double(c.state.bone[3 * W + lane]), double(c.state.bone[4 * W + lane]),
-                         double(c.state.bone[5 * W + lane]), double(c.state.bone[6 * W + lane])};
-    const Pose<double> bone{read_vec3(c.state.bone, 0, W, lane), q};
-    const Vec3<double> target{double(c.scratch.bone_springs[2 * W + lane]),
-                              double(c.scratch.bone_springs[3 * W + lane]),
-                              double(c.scratch.bone_springs[4 * W + lane])};
-    coupling.force_N = coupling.stiffness * norm(target - bone.position);
+    const Pose<double> bone = lane_bone(c, lane);
+    Vec3<double> pull;  // both from the origin
+    for (int d = 0; d < 3; ++d)
+        pull[d] = double(c.scratch.bone_springs[(2 + d) * W + lane]) - double(c.state.bone[d * W + lane]);
+    coupling.force_N = coupling.stiffness * norm(pull);
     out.total = {0, 0, 0};
     out.normal_force = out.touching_area = 0;
     out.touching = 0;
     const std::size_t S = t.samples.size();
     for (std::size_t s = 0; s < S; ++s) {
-        const Vec3<double> x = read_vec3(c.state.position, t.samples[s], W, lane);
+        const Vec3<double> x = node_position(c, t.samples[s], lane);
         Vec3<double> force{0, 0, 0};
         double normal_force = 0;
         for (int slot = 0; slot < c.slot_capacity; ++slot) {
@@ -36,7 +34,8 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
             const double f = c.state.normal_multiplier[i * W + lane];
             if (f <= 0) continue;
             force += f * surface_point(object.shape, object.pose, x).normal;
-            if (c.has_friction && object.friction > 0) force -= read_vec3(c.state.tangential_multiplier, i, W, lane);
+            if (c.has_friction && object.friction > 0) 
+                force -= rotation_matrix(object.pose.rotation) * read_vec3(c.state.tangential_multiplier, i, W, lane);
             normal_force += f;
         }
         out.position[s] = inverse_transform(bone, x);

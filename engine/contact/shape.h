@@ -69,6 +69,9 @@ inline SurfacePoint<R> cylinder_point(const Vec3<R>& x, const R& radius, const R
     return {planar.distance, {planar.normal.x * radial.x, planar.normal.x * radial.y, planar.normal.y}};
 }
 
+}  // namespace detail
+
+/// Distance and normal of the point x, both in the shape's frame.
 template <class R>
 inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x) {
     const Vec3<R> size{R(ScalarOf<R>(shape.size.x)), R(ScalarOf<R>(shape.size.y)), R(ScalarOf<R>(shape.size.z))};
@@ -76,20 +79,18 @@ inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x)
         case ShapeKind::plane:
             return {x.z, {R(0), R(0), R(1)}};
         case ShapeKind::box:
-            return box_point(x, size);
+            return detail::box_point(x, size);
         case ShapeKind::sphere:
-            return sphere_point(x, size.x);
+            return detail::sphere_point(x, size.x);
         case ShapeKind::capsule: {
             const Vec3<R> offset{x.x, x.y, x.z - clamp(x.z, -size.y, size.y)};
-            return sphere_point(offset, size.x);
+            return detail::sphere_point(offset, size.x);
         }
         case ShapeKind::cylinder:
-            return cylinder_point(x, size.x, size.y);
+            return detail::cylinder_point(x, size.x, size.y);
     }
     return {x.z, {R(0), R(0), R(1)}};
 }
-
-}  // namespace detail
 
 /// Distance and normal of the point x (world) to a shape at `pose`, the same for all lanes.
 template <class R>
@@ -99,7 +100,7 @@ inline SurfacePoint<R> surface_point(const Shape& shape, const Pose<double>& pos
     Mat3<R> rotation;
     for (int i = 0; i < 9; ++i) rotation.m[i / 3][i % 3] = R(T(Rd.m[i / 3][i % 3]));
     const Vec3<R> origin{R(T(pose.position.x)), R(T(pose.position.y)), R(T(pose.position.z))};
-    SurfacePoint<R> s = detail::local_surface_point(shape, transposed_times(rotation, x - origin));
+    SurfacePoint<R> s = local_surface_point(shape, transposed_times(rotation, x - origin));
     s.normal = rotation * s.normal;
     return s;
 }

@@ -48,6 +48,7 @@ void for_each_array(Chunk& c, Visit visit) {
                     &w.start_bone,
                     &w.inertia_target,
                     &w.bone_springs,
+                    &w.slot_frame,
                     &w.base_position,
                     &w.base_bone,
                     &w.gradient,
@@ -93,6 +94,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(r.mass, N), make(r.contact_penalty, S);
     make(r.tissue_stiffness, 1), make(r.extent, 1), make(r.rest_position, 3 * N);
     auto& s = c.state;
+    s.origin.assign(3 * std::size_t(width), 0.0);
     make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
     make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
     make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions),
@@ -101,6 +103,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     auto& w = c.scratch;
     make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
     make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);
+    make(w.slot_frame, 24 * std::size_t(c.slot_capacity));
     make(w.gradient, 3 * everything), make(w.pending, has_limits ? 3 * N : 0), make(w.direction, 3 * everything),
         make(w.permuted, 3 * t.unknowns.size());
     make(w.blocks, 9 * std::size_t(t.block_count)), make(w.limit_candidate, 9 * limits);
@@ -114,6 +117,14 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
 }
 
 namespace {
+
+constexpr double origin_grid = 1.0 / 64;  ///< [m]; a power of two, so that moving an origin rounds little
+
+Vec3<double> nearest_origin(const Vec3<double>& bone) {
+    Vec3<double> origin;
+    for (int d = 0; d < 3; ++d) origin[d] = origin_grid * std::round(bone[d] / origin_grid);
+    return origin;
+}
 
 /// Rest data of the elements of one lane; adds up the nodes' masses.
 template <class T>
@@ -167,17 +178,69 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));
     c.rest.extent[lane] = T(farthest);
     c.rest.tissue_stiffness[lane] = T(5 * E / volume * spacing);
+    const Vec3<double> origin = nearest_origin(bone.position);
+    for (int d = 0; d < 3; ++d) c.state.origin[d * W + lane] = origin[d];
     for (int i = 0; i < t.node_count; ++i) {
         const Point& r = p.mesh->nodes[i];
-        const Vec3<double> x = transform(bone, Vec3<double>{r[0], r[1], r[2]});
+        const Vec3<double> x = transform(bone, Vec3<double>{r[0], r[1], r[2]}) - origin;
         for (int d = 0; d < 3; ++d) {
             c.rest.rest_position[(3 * i + d) * W + lane] = T(r[d]);
             c.state.position[(3 * i + d) * W + lane] = T(x[d]);
         }
     }
-    const double b[7] = {bone.position.x, bone.position.y, bone.position.z, bone.rotation.w,
-                         bone.rotation.x, bone.rotation.y, bone.rotation.z};
-    for (int i = 0; i < 7; ++i) c.state.bone[i * W + lane] = T(b[i]);
+    const Vec3<double> b = bone.position - origin;
+    const double values[7] = {b.x, b.y, b.z, bone.rotation.w, bone.rotation.x, bone.rotation.y, bone.rotation.z};
+    for (int i = 0; i < 7; ++i) c.state.bone[i * W + lane] = T(values[i]);
+}
+
+template <class T>
+void place_slots(SkinChunk<T>& c) {
+    const int W = c.width;
+    for (int slot = 0; slot < c.slot_capacity; ++slot) {
+        if (c.slots[slot].object < 0) continue;
+        T* out = &c.scratch.slot_frame[24 * std::size_t(slot) * W];
+        for (const Pose<double>* pose : {&c.slots[slot].pose, &c.slots[slot].start}) {
+            const Mat3<double> R = rotation_matrix(pose->rotation);
+            for (int i = 0; i < 12; ++i, out += W)
+                for (int l = 0; l < W; ++l)
+                    out[l] = T(i < 9 ? R.m[i / 3][i % 3] : pose->position[i - 9] - c.state.origin[(i - 9) * W + l]);
+        }
+    }
+}
+
+template <class T>
+void rebase_lane(SkinChunk<T>& c, int lane) {
+    const int W = c.width;
+    bool far = false;
+    for (int d = 0; d < 3; ++d) far |= !(std::abs(double(c.state.bone[d * W + lane])) < 1.5 * origin_grid);
+    const Pose<double> bone = lane_bone(c, lane);
+    if (!far || !std::isfinite(dot(bone.position, bone.position))) return;
+    const Vec3<double> old = lane_origin(c, lane), origin = nearest_origin(bone.position);
+    for (int d = 0; d < 3; ++d) {
+        c.state.origin[d * W + lane] = origin[d];
+        const double shift = old[d] - origin[d];
+        auto move = [&](T& x) { x = T(double(x) + shift); };
+        move(c.state.bone[d * W + lane]);
+        for (int i = 0; i < c.topology->node_count; ++i) move(c.state.position[(3 * i + d) * W + lane]);
+    }
+}
+
+template <class T>
+Vec3<double> lane_origin(const SkinChunk<T>& c, int lane) {
+    return {c.state.origin[lane], c.state.origin[c.width + lane], c.state.origin[2 * c.width + lane]};
+}
+
+template <class T>
+Vec3<double> node_position(const SkinChunk<T>& c, int node, int lane) {
+    Vec3<double> x = lane_origin(c, lane);
+    for (int d = 0; d < 3; ++d) x[d] += double(c.state.position[(3 * node + d) * c.width + lane]);
+    return x;
+}
+
+template <class T>
+Pose<double> lane_bone(const SkinChunk<T>& c, int lane) {
+    auto b = [&](int i) { return double(c.state.bone[i * c.width + lane]); };
+    return {lane_origin(c, lane) + Vec3<double>{b(0), b(1), b(2)}, {b(3), b(4), b(5), b(6)}};
 }
 
 template <class T>
@@ -188,6 +251,9 @@ void fill_empty_lanes(SkinChunk<T>& c) {
             for (int l = 0; l < W; ++l)
                 if (!((c.used_lanes >> l) & 1u)) a[i + l] = a[i];
     });
+    for (int d = 0; d < 3; ++d)
+        for (int l = 0; l < W; ++l)
+            if (!((c.used_lanes >> l) & 1u)) c.state.origin[d * W + l] = c.state.origin[d * W];
 }
 
 template <class T>
@@ -200,6 +266,11 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
 #define PALPATE_INSTANTIATE(T)                                                                              \
     template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int); \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);            \
+    template void place_slots(SkinChunk<T>&);                                                               \
+    template void rebase_lane(SkinChunk<T>&, int);                                                          \
+    template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                            \
+    template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                     \
+    template Pose<double> lane_bone(const SkinChunk<T>&, int);                                              \
     template void fill_empty_lanes(SkinChunk<T>&);                                                          \
     template std::size_t memory_bytes(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)

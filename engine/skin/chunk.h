@@ -45,18 +45,20 @@ struct SkinRest {
     LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
 };
 
-/// What a step reads and writes.
+/// What a step reads and writes. Positions are relative to an origin of each lane near its finger, with the axes of
+/// the world: in single precision a place in the room is known to 15 nm only, which contact would feel as force.
 template <class T>
 struct SkinState {
-    LaneArray<T> position;               ///< [node][xyz] [m] world
+    LaneArray<double> origin;            ///< [xyz] [m] world, on a grid (rebase_lane)
+    LaneArray<T> position;               ///< [node][xyz] [m] from the origin
     LaneArray<T> velocity;               ///< [node][xyz] [m/s]
-    LaneArray<T> bone;                   ///< [px py pz qw qx qy qz] world
+    LaneArray<T> bone;                   ///< [px py pz qw qx qy qz], position from the origin
     LaneArray<T> bone_velocity;          ///< [linear xyz, angular xyz] [m/s, rad/s]
     LaneArray<T> limit_multiplier;       ///< [element][3x3] Lambda [Pa]; empty without limits
     LaneArray<T> normal_multiplier;      ///< [slot][sample] [N]
-    LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] [N]; empty without friction
+    LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] in the object's frame [N]; empty without friction
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
-    LaneArray<T> friction_normal;        ///< [slot][sample][xyz] of the tangent plane; empty without friction
+    LaneArray<T> friction_normal;        ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
     LaneArray<T> svd_guess;              ///< [element][3x3] V of the last step: saves Jacobi sweeps
     LaneArray<T> penalty_scale;          ///< [1] grows where multipliers converge slowly
 };
@@ -67,7 +69,8 @@ struct SkinScratch {
     LaneArray<T> start_position;  ///< [node][xyz] at the beginning of the step
     LaneArray<T> start_bone;      ///< [7]
     LaneArray<T> inertia_target;  ///< [node][xyz] x^ of implicit Euler
-    LaneArray<T> bone_springs;    ///< [spring][linear k, angular k, target 7]: written by `couple`
+    LaneArray<T> bone_springs;    ///< [spring][linear k, angular k, target 7 from the origin]: written by `couple`
+    LaneArray<T> slot_frame;      ///< [slot][end, start of the step][rotation 3x3, position from the origin 3]
     LaneArray<T> base_position;   ///< [node][xyz] last accepted iterate
     LaneArray<T> base_bone;       ///< [7]
     LaneArray<T> gradient;        ///< [node, bone][xyz]
@@ -84,7 +87,7 @@ struct SkinScratch {
     LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
     LaneArray<T> normal_candidate;      ///< [slot][sample] normal force [N]
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]
-    LaneArray<T> contact_normal;        ///< [slot][sample][xyz] at the last evaluation; empty without friction
+    LaneArray<T> contact_normal;        ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
     LaneArray<T> svd;                   ///< [element][3x3] V at the last evaluation
 };
 
@@ -95,8 +98,8 @@ enum class Material { corotational, saint_venant_kirchhoff, neo_hookean };
 struct ContactSlot {
     int object = -1;  ///< row of the object; -1 = empty
     Shape shape;
-    Pose<double> pose;    ///< at the end of the step
-    Pose<double> motion;  ///< takes a point of the object from the last step's place to this one's
+    Pose<double> pose;   ///< at the end of the step
+    Pose<double> start;  ///< at its beginning
     double friction = 0;  ///< Coulomb coefficient
 };
 
@@ -171,6 +174,24 @@ void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> top
 /// Writes one finger into a lane, at rest on the bone pose `bone`.
 template <class T>
 void set_lane(SkinChunk<T>& chunk, int lane, int finger, const SkinParameters& parameters, const Pose<double>& bone);
+
+/// Writes where the slots' objects are, as each lane sees them: after a pose or an origin has changed.
+template <class T>
+void place_slots(SkinChunk<T>& chunk);
+
+/// Moves a lane's origin to its bone where the bone has left it behind.
+template <class T>
+void rebase_lane(SkinChunk<T>& chunk, int lane);
+
+/// Origin of a lane, world [m].
+template <class T>
+Vec3<double> lane_origin(const SkinChunk<T>& chunk, int lane);
+/// A node of a lane, world [m].
+template <class T>
+Vec3<double> node_position(const SkinChunk<T>& chunk, int node, int lane);
+/// The bone of a lane, world.
+template <class T>
+Pose<double> lane_bone(const SkinChunk<T>& chunk, int lane);
 
 /// Lanes without a finger repeat lane 0, so that their arithmetic stays finite.
 template <class T>

@@ -314,20 +314,13 @@ inline void carry_stiffness_to_bone(SkinChunk<ScalarOf<R>>& c) {
     add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr);
 }
 
-/// Where a point of an object's surface at x was carried from: the motion of the object over the step.
-template <class R>
-inline Vec3<R> carried(const Pose<double>& motion, const Vec3<R>& x) {
-    using T = ScalarOf<R>;
-    const Quaternion<double>& q = motion.rotation;
-    const Pose<R> lanes{{R(T(motion.position.x)), R(T(motion.position.y)), R(T(motion.position.z))},
-                        {R(T(q.w)), R(T(q.x)), R(T(q.y)), R(T(q.z))}};
-    return transform(lanes, x);
-}
-
-/// One sample at x against one slot's object.
+/// One sample at x against one slot's object. Slip is the way of the sample over the object in this step, measured in
+/// the object's frame: where the object turns, friction turns with it, and the potential depends on where the two are
+/// relative to each other alone, so that action equals reaction.
 template <class R>
 struct SampleContact {
     SurfacePoint<R> surface;
+    Vec3<R> local_normal;  ///< object's frame
     ContactState<R> state;
     bool friction;
     ContactTerms<R> terms;
@@ -340,15 +333,22 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
     const ContactSlot& object = c.slots[slot];
     const std::size_t i = slot * c.topology->samples.size() + s;
     SampleContact<R> out;
-    out.surface = surface_point(object.shape, object.pose, x);
+    const ScalarOf<R>* frame = &c.scratch.slot_frame[24 * std::size_t(slot) * W];
+    const Mat3<R> rotation = load_mat3<R>(frame);
+    const Vec3<R> local = transposed_times(rotation, x - load_vec3<R>(frame + 9 * W));
+    out.surface = local_surface_point(object.shape, local);
+    out.local_normal = out.surface.normal;
+    out.surface.normal = rotation * out.local_normal;
     out.friction = c.has_friction && object.friction > 0;
     out.state = {load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0), out.surface.normal};
     Vec3<R> slip{R(0), R(0), R(0)};
     if (out.friction) {
-        out.state.tangential_multiplier = load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
+        out.state.tangential_multiplier = rotation * load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
         out.state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
-        out.state.friction_normal = load_vec3<R>(&c.state.friction_normal[3 * i * W]);
-        slip = x - carried(object.motion, load_vec3<R>(&c.scratch.start_position[3 * c.topology->samples[s] * W]));
+        out.state.friction_normal = rotation * load_vec3<R>(&c.state.friction_normal[3 * i * W]);
+        const Vec3<R> before = load_vec3<R>(&c.scratch.start_position[3 * c.topology->samples[s] * W]);
+        slip = rotation *
+               (local - transposed_times(load_mat3<R>(frame + 12 * W), before - load_vec3<R>(frame + 21 * W)));
     }
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
@@ -390,8 +390,10 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
                 const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
                 const R dr = R(T(c.slots[slot].friction)) * terms.normal_force - contact.state.friction_radius;
                 out.pending += dot(dt, dt) + dr * dr;
-                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W], terms.tangential);
-                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], contact.surface.normal);
+                const Mat3<R> rotation = load_mat3<R>(&c.scratch.slot_frame[24 * std::size_t(slot) * W]);
+                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
+                              transposed_times(rotation, terms.tangential));
+                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], contact.local_normal);
             }
         }
     }

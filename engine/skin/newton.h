@@ -30,6 +30,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     const R dt = R(settings.inertia ? T(settings.dt) : T(0));
     c.scratch.start_position = c.state.position;
     c.scratch.start_bone = c.state.bone;
+    place_slots(c);
     const Pose<R> before = load_pose<R>(c.state.bone.data());
     const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));
     const Pose<R> bone{before.position + dt * load_vec3<R>(c.state.bone_velocity.data()),
@@ -200,7 +201,7 @@ template <class R>
 inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, LaneProgress<R>& p) {
     using T = ScalarOf<R>;
     const MaskOf<R> stepped = lanes & (p.slope < R(0));
-    const R more = maximum(R(3) * p.damping, R(1)), less = R(T(0.2)) * p.damping;
+    const R more = minimum(maximum(R(3) * p.damping, R(1)), R(T(1e6))), less = R(T(0.2)) * p.damping;
     p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
     if (!any(lanes & (p.damping > R(0)))) return;
     const Mat3<R> block = (p.damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
@@ -214,8 +215,22 @@ struct LaneDecision {
     MaskOf<R> retry, update, newton;
 };
 
+/// Force that rounding of positions makes [N]: no residual can be asked to be below it.
 template <class R>
-inline LaneDecision<R> decide(const Evaluation<R>& e, const SolverSettings& s, LaneProgress<R>& p) {
+inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    R stiffness = load<R>(c.rest.tissue_stiffness.data());
+    for (int s = 0; s < bone_spring_count; ++s) stiffness += load<R>(&c.scratch.bone_springs[9 * s * W]);
+    if (!c.rest.contact_penalty.empty())
+        stiffness += select(e.contact_force > R(0),
+                            load<R>(c.rest.contact_penalty.data()) * load<R>(c.state.penalty_scale.data()), R(0));
+    return R(2 * std::numeric_limits<T>::epsilon()) * load<R>(c.rest.extent.data()) * stiffness;
+}
+
+template <class R>
+inline LaneDecision<R> decide(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const SolverSettings& s,
+                              LaneProgress<R>& p) {
     using T = ScalarOf<R>;
     constexpr T eps = std::numeric_limits<T>::epsilon();
     const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
@@ -231,7 +246,9 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const SolverSettings& s, L
     d.retry = d.retry & p.active;
 
     const R scale = maximum(maximum(e.contact_force, e.coupling_force), R(T(0.01)));
-    const R tolerance = R(T(s.tolerance)) * scale, pending_tolerance = R(T(s.multiplier_tolerance)) * scale;
+    const R rounding = rounding_force(c, e);
+    const R tolerance = maximum(R(T(s.tolerance)) * scale, rounding);
+    const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, rounding);
     const R residual = square_root(e.residual), pending = square_root(e.pending);
     const R gate =
         select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
@@ -319,7 +336,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations))));
         e = may_step ? evaluate<R>(c, settings, p.exactness)
                      : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
-        detail::LaneDecision<R> d = detail::decide(e, settings, p);
+        detail::LaneDecision<R> d = detail::decide(c, e, settings, p);
         if (!any(p.active)) break;
 
         if (any(d.retry)) {

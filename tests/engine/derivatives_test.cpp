@@ -255,6 +255,7 @@ SkinChunk<double> scrambled_chunk() {
     auto chunk = testing::make_chunk<double>(mesh, bone, {.low = 0.8, .high = 1.2, .friction = true});
     chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5};
     testing::aim_all(chunk, 2000, 2, {{0.001, 0, 0.002}, normalised(Quaternion<double>{1, 0, 0.1, 0})});
+    place_slots(chunk);
     chunk.scratch.start_position = chunk.state.position;
     chunk.scratch.inertia_target = chunk.state.position;
     std::mt19937 random(7);

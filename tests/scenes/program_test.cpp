@@ -158,19 +158,23 @@ std::vector<std::vector<Vec3<double>>> force_fields(const std::string& scene,
     return steps;
 }
 
-/// With the few iterations of the preset in both. Converged, float is up to 1e-2 off where there is friction (README).
-TEST_P(EveryScene, FloatGivesTheForcesOfDoubleWithTheRealTimePreset) {
-    const std::vector<std::string> doubles{"solver.preset=real-time"};
-    const std::vector<std::string> floats{"solver.preset=real-time", "solver.precision=float"};
-    const auto d = force_fields(GetParam(), doubles), f = force_fields(GetParam(), floats);
-    double difference = 0, size = 0;
-    for (std::size_t k = 0; k < d.size(); ++k)
-        for (std::size_t i = 0; i < d[k].size(); ++i) {
-            difference += norm(f[k][i] - d[k][i]);
-            size += norm(d[k][i]);
-        }
-    std::printf("%s: force field in float %.1e off\n", GetParam().c_str(), difference / size);
-    EXPECT_LT(difference, 1e-3 * size);
+/// With the few iterations of the preset in both, and converged in both.
+TEST_P(EveryScene, FloatGivesTheForcesOfDouble) {
+    const std::vector<std::string> converged{"solver.tolerance=1e-5", "solver.multiplier_tolerance=1e-4"};
+    for (std::vector<std::string> settings : {std::vector<std::string>{"solver.preset=real-time"}, converged}) {
+        const auto d = force_fields(GetParam(), settings);
+        settings.push_back("solver.precision=float");
+        const auto f = force_fields(GetParam(), settings);
+        double difference = 0, size = 0;
+        for (std::size_t k = 0; k < d.size(); ++k)
+            for (std::size_t i = 0; i < d[k].size(); ++i) {
+                difference += norm(f[k][i] - d[k][i]);
+                size += norm(d[k][i]);
+            }
+        std::printf("%s, %s: force field in float %.1e off\n", GetParam().c_str(), settings[0].c_str(),
+                    difference / size);
+        EXPECT_LT(difference, 1e-3 * size);
+    }
 }
 
 TEST(RealTime, PresetStaysCloseToTheReference) {
