@@ -103,6 +103,42 @@ SkinParameters parameters_of(const FingerSpec& f) {
     return p;
 }
 
+bool has_bodies(const SceneSpec& spec) {
+    return std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.body.has_value(); });
+}
+
+/// Everything the bodies' solve needs, so that nothing is allocated later.
+void prepare_bodies(World& world) {
+    BodySolve& s = world.body_solve;
+    const std::size_t objects = world.shapes.size(), bodies = world.bodies.size();
+    const std::size_t chunks = world.double_chunks.size() + world.float_chunks.size();
+    if (bodies == 0) return;
+    s.partners = int(std::min<std::size_t>(6, objects - 1));
+    s.pairs.resize(objects * s.partners);
+    std::size_t row = 0;
+    for (const RigidShape& shape : world.shapes) {
+        s.features.push_back(features_of(shape.shape));
+        double reach = shape.shape.kind == ShapeKind::plane ? 1e9 : 0;
+        for (const Feature& f : s.features.back()) {
+            const Vec3<double> centre = shape.body < 0 ? Vec3<double>{0, 0, 0} : world.bodies[shape.body].mass_centre;
+            reach = std::max(reach, norm(f.point - centre) + f.radius);
+        }
+        s.reach.push_back(reach);
+        for (int k = 0; k < s.partners; ++k) s.pairs[row * s.partners + k].contacts.resize(s.features.back().size());
+        if (shape.body >= 0) world.bodies[shape.body].size = reach;
+        ++row;
+    }
+    s.objects.resize(objects);
+    s.bodies.resize(bodies);
+    s.parent.resize(bodies + 16 * chunks);
+    s.lane_island.resize(16 * chunks);
+    s.coupled.reserve(chunks);
+    s.islands.resize(bodies + 16 * chunks);
+    for (Island& i : s.islands) i.bodies.reserve(bodies);
+    s.matrix.setZero(6 * bodies, 6 * bodies);
+    s.rhs.setZero(6 * bodies);
+}
+
 /// Fingers of larger meshes are solved one by one: the factor of a finger alone works on panels, whose advantage grows
 /// with the mesh (five of 4,000 elements are still 1.5 times as fast in shared lanes).
 constexpr std::size_t largest_shared_mesh = 6000;
@@ -119,7 +155,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         bool limits = false;
         for (std::size_t k = first; k < last; ++k) limits |= spec.fingers[a.fingers[k]].has_limits;
         SkinChunk<T>& chunk = chunks.emplace_back();
-        allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()));
+        allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()), has_bodies(spec));
         chunk.material = a.material;
         for (std::size_t k = first; k < last; ++k) {
             const int finger = a.fingers[k];
@@ -176,8 +212,16 @@ World build_world(const SceneSpec& spec) {
         world.skins.add(finger, std::move(skins[i]));
         world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh));
     }
-    for (const ObjectSpec& o : spec.objects)
-        world.shapes.add(world.objects.create(), {o.name, o.shape, o.pose, o.pose, o.friction});
+    for (const ObjectSpec& o : spec.objects) {
+        const EntityId object = world.objects.create();
+        RigidShape& shape = world.shapes.add(object, {o.name, o.shape, o.pose, o.pose, o.friction});
+        if (!o.body) continue;
+        shape.body = int(world.bodies.size());
+        world.bodies.add(object, *o.body);
+    }
+    world.gravity = spec.gravity;
+    world.pair_frictions = spec.pair_frictions;
+    prepare_bodies(world);
     for (const ThimbleSpec& t : spec.thimbles) {
         if (spec.objects.empty()) break;  // nothing can be touched: nothing to render
         Matching m;

@@ -28,6 +28,7 @@ struct ObjectSpec {
     Shape shape;
     Pose<double> pose = Pose<double>::identity();
     double friction = 0;
+    std::optional<RigidBody> body = {};  ///< present: forces move it
 };
 
 struct ThimbleSpec {
@@ -42,6 +43,8 @@ struct SceneSpec {
     SolverSettings solver;
     std::vector<FingerSpec> fingers;
     std::vector<ObjectSpec> objects;
+    Vec3<double> gravity{0, 0, -9.81};          ///< on bodies [m/s^2]
+    std::vector<PairFriction> pair_frictions;
     std::vector<ThimbleSpec> thimbles;
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;

@@ -23,9 +23,15 @@ void step(World& w, oneapi::tbb::task_arena& arena) {
     timed(w.profile.read_trackers, [&] { read_trackers(w.tracker_poses, w.time); });
     timed(w.profile.couple,
           [&] { couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.double_chunks, w.float_chunks); });
-    timed(w.profile.detect_contacts,
-          [&] { w.crowded += detect_contacts(w.shapes, w.solver, w.double_chunks, w.float_chunks); });
+    timed(w.profile.detect_contacts, [&] {
+        begin_bodies(w.solver, w.shapes, w.bodies);
+        w.crowded += detect_contacts(w.shapes, w.bodies, w.solver, w.double_chunks, w.float_chunks);
+    });
     timed(w.profile.solve_skin, [&] { solve_skins(w.solver, arena, w.double_chunks, w.float_chunks); });
+    timed(w.profile.solve_bodies, [&] {
+        solve_bodies(w.solver, w.gravity, w.pair_frictions, arena, w.shapes, w.bodies, w.body_solve, w.double_chunks,
+                     w.float_chunks);
+    });
     timed(w.profile.extract_contact,
           [&] { extract_contact(w.skins, w.double_chunks, w.float_chunks, w.couplings, w.contact_surfaces); });
     timed(w.profile.match_devices, [&] { match_devices(w.contact_surfaces, w.time, arena, w.matchings); });

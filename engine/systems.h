@@ -16,12 +16,21 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
             std::vector<SkinChunk<float>>& float_chunks);
 
 /// Gives each chunk the objects near it. Returns the number of chunks near more objects than they can hold.
-int detect_contacts(const Table<RigidShape>& shapes, const SolverSettings& solver,
+int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                     std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
 
-/// One implicit step of every chunk (skin/newton.h), chunks in parallel.
+/// One implicit step of every chunk (skin/newton.h) that is near no body, chunks in parallel.
 void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena,
                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
+
+/// Where bodies would coast to: their first guess, for detect_contacts.
+void begin_bodies(const SolverSettings& solver, Table<RigidShape>& shapes, const Table<RigidBody>& bodies);
+
+/// One implicit step of every body, and of every chunk near one: bones, skin and bodies in one solve.
+void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
+                  const std::vector<PairFriction>& pair_frictions, oneapi::tbb::task_arena& arena,
+                  Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve,
+                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
 
 /// Reads touching samples, forces and area of each finger from its lane.
 void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<double>>& double_chunks,

@@ -7,6 +7,7 @@
 
 #include "devices/command.h"
 #include "devices/matching.h"
+#include "engine/bodies/body_solve.h"
 #include "engine/ecs/table.h"
 #include "engine/skin/chunk.h"
 
@@ -68,13 +69,14 @@ struct ContactSurface {
     int touching = 0;
 };
 
-/// Object: shape, pose and friction. Fixed, or moved by a script before the step.
+/// Object: shape, pose and friction. Fixed, moved by a script before the step, or by its body in the step.
 struct RigidShape {
     std::string name;
     Shape shape;
     Pose<double> pose = Pose<double>::identity();      ///< at the end of this step
     Pose<double> previous = Pose<double>::identity();  ///< at the end of the last one
-    double friction = 0;                               ///< Coulomb coefficient against skin
+    double friction = 0;  ///< Coulomb coefficient against skin; against another object the geometric mean of both
+    int body = -1;        ///< row of its body; -1: fixed or scripted
 };
 
 /// Thimble: contact surface matching for one finger. Result written by match_devices.
@@ -98,11 +100,18 @@ struct DeviceLink {
 
 /// Wall time of the systems of one step [s]; the fields follow step.cpp one to one.
 struct StepProfile {
-    double read_trackers = 0, couple = 0, detect_contacts = 0, solve_skin = 0, extract_contact = 0, match_devices = 0,
-           publish = 0;
+    double read_trackers = 0, couple = 0, detect_contacts = 0, solve_skin = 0, solve_bodies = 0, extract_contact = 0,
+           match_devices = 0, publish = 0;
     double total() const {
-        return read_trackers + couple + detect_contacts + solve_skin + extract_contact + match_devices + publish;
+        return read_trackers + couple + detect_contacts + solve_skin + solve_bodies + extract_contact + match_devices +
+               publish;
     }
+};
+
+/// Coulomb coefficient of two objects against each other, where it is not the geometric mean of theirs.
+struct PairFriction {
+    int a = 0, b = 0;  ///< rows of objects
+    double friction = 0;
 };
 
 struct World {
@@ -116,6 +125,10 @@ struct World {
     Table<Skin> skins;                       ///< per finger, same rows as couplings and contact_surfaces
     Table<ContactSurface> contact_surfaces;  ///< per finger
     Table<RigidShape> shapes;                ///< per object
+    Table<RigidBody> bodies;                 ///< per object that forces move
+    Vec3<double> gravity{0, 0, -9.81};       ///< on bodies [m/s^2]
+    std::vector<PairFriction> pair_frictions;
+    BodySolve body_solve;
     Table<Matching> matchings;               ///< per thimble
     Table<DeviceLink> device_links;          ///< per thimble with a device
     std::vector<SkinChunk<double>> double_chunks;

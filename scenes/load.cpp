@@ -197,6 +197,42 @@ Shape read_shape(Section& s) {
     return shape;
 }
 
+/// mass_g or density_kg_per_m3 make an object one that forces move.
+void read_body(Section& s, ObjectSpec& o) {
+    if (!s.has("mass_g") && !s.has("density_kg_per_m3")) {
+        for (const char* key : {"restitution", "velocity_m_per_s", "spin_rad_per_s"})
+            if (s.has(key)) s.complain(key, "only an object with mass_g or density_kg_per_m3 moves by itself");
+        return;
+    }
+    if (s.has("mass_g") && s.has("density_kg_per_m3")) s.complain("mass_g", "give the mass or the density, not both");
+    if (o.shape.kind == ShapeKind::plane) s.complain("mass_g", "a plane has no end, and so no mass");
+    const double density = s.number("density_kg_per_m3", 1000, 1e-3, 1e5);
+    const double mass = s.number("mass_g", 1e3 * density * volume_of(o.shape), 1e-3, 1e6, 1e-3);
+    o.body = solid_body(o.shape, mass);
+    o.body->restitution = s.number("restitution", 0, 0, 1);
+    o.body->velocity = s.vector("velocity_m_per_s", {0, 0, 0}, 100);
+    const Mat3<double> R = rotation_matrix(o.pose.rotation);
+    const Vec3<double> spin = s.vector("spin_rad_per_s", {0, 0, 0}, 1000);
+    o.body->angular_momentum = R * (o.body->inertia * transposed_times(R, spin));
+}
+
+/// [[friction]]: the coefficient of two objects against each other.
+void read_pair_frictions(Section& root, Scene& scene) {
+    for (Section& s : root.tables("friction")) {
+        PairFriction p;
+        for (auto [key, row] : {std::pair{"first", &p.a}, std::pair{"second", &p.b}}) {
+            const std::string name = s.text(key, "");
+            const auto& objects = scene.spec.objects;
+            const auto it = std::find_if(objects.begin(), objects.end(), [&](auto& o) { return o.name == name; });
+            if (it == objects.end()) s.complain(key, "expected the name of an object, found \"" + name + "\"");
+            *row = int(it - objects.begin());
+        }
+        p.friction = s.number("coefficient", 0.5, 0, 100);
+        s.finish();
+        scene.spec.pair_frictions.push_back(p);
+    }
+}
+
 void read_objects(Section& root, Scene& scene) {
     for (Section& s : root.tables("object")) {
         ObjectSpec o;
@@ -204,9 +240,11 @@ void read_objects(Section& root, Scene& scene) {
         o.shape = read_shape(s);
         o.pose = read_pose(s);
         o.friction = s.number("friction", 0, 0, 100);
+        read_body(s, o);
         auto track = read_track(s);
         if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg")))
             s.complain("position_mm", "an object has either a pose or a track");
+        if (!track.empty() && o.body) s.complain("track", "an object has either a track or a mass that forces move");
         if (!track.empty()) o.pose = track.front().pose;
         s.finish();
         scene.object_motions.push_back(std::move(track));
@@ -298,7 +336,9 @@ void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
     scene.hand = read_track(hand);
     hand.finish();
     read_recording(root.table("recording"), scene, folder);
+    scene.spec.gravity = root.vector("gravity_m_per_s2", {0, 0, -9.81}, 1000);
     read_objects(root, scene);
+    read_pair_frictions(root, scene);
     read_fingers(root, scene, folder);
     read_solver(root.table("solver"), scene);
     read_thimble_loop(root.table("thimbles"), scene);

@@ -19,8 +19,8 @@ const std::vector<std::string> thimble_columns{
     "sent1_deg",       "sent2_deg",         "sent3_deg",      "servo1_deg", "servo2_deg", "servo3_deg",
     "matching_rms_mm", "constraint_active", "contact_matched"};
 const std::vector<std::string> step_columns{
-    "time_s",           "read_trackers_us", "couple_us", "detect_contacts_us", "solve_skin_us", "extract_contact_us",
-    "match_devices_us", "publish_us",       "total_us"};
+    "time_s",           "read_trackers_us", "couple_us", "detect_contacts_us", "solve_skin_us", "solve_bodies_us",
+    "extract_contact_us", "match_devices_us", "publish_us",       "total_us"};
 constexpr double degrees = 57.29577951308232;
 
 int thimble_of(const World& world, EntityId finger) {
@@ -106,13 +106,14 @@ void advance(Simulation& s, const StepInputs& inputs) {
     World& w = s.world;
     for (std::size_t i = 0; i < s.fingers.size(); ++i)
         w.tracker_poses.find(w.couplings.find(s.fingers[i])->tracker)->incoming = inputs.fingers[i];
-    for (std::size_t i = 0; i < w.shapes.size(); ++i) w.shapes[i].pose = inputs.objects[i];
+    for (std::size_t i = 0; i < w.shapes.size(); ++i)
+        if (w.shapes[i].body < 0) w.shapes[i].pose = inputs.objects[i];
     step(w, *s.arena);
     for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
     const StepProfile& p = w.profile;
     s.step_series.values.push_back(w.time);
-    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.extract_contact,
+    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.solve_bodies, p.extract_contact,
                            p.match_devices, p.publish, p.total()})
         s.step_series.values.push_back(1e6 * seconds);
 }

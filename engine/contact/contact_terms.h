@@ -23,27 +23,30 @@ struct ContactTerms {
     Vec3<R> tangential;  ///< friction's dE/dx: min(|s|, radius) s/|s|, s = lambda_t + k_slip slip [N]
 };
 
-/// E = (max(0, lambda_n - k g)^2 - lambda_n^2) / 2k + friction: the contact is active by multiplier
+/// Normal part: E = (max(0, lambda_n - k g)^2 - lambda_n^2) / 2k + friction: the contact is active by multiplier
 /// minus stiffness times the current gap, never by a predicted gap.
+template <class R>
+inline ContactTerms<R> normal_terms(const SurfacePoint<R>& surface, const R& k, const R& normal_multiplier) {
+    const R half(ScalarOf<R>(0.5));
+    const R force = maximum(normal_multiplier - k * surface.distance, R(0));
+    ContactTerms<R> t;
+    t.normal_force = force;
+    t.energy = half / k * (force * force - normal_multiplier * normal_multiplier);
+    t.gradient = (-force) * surface.normal;
+    t.curvature = select(force > R(0), k, R(0)) * outer(surface.normal, surface.normal);
+    t.tangential = {R(0), R(0), R(0)};
+    return t;
+}
+
 /// Friction: E = (|s|^2 - max(0, |s| - r)^2) / 2 k_slip for the slip u_t of this step. Radius and tangent plane
 /// are lagged: were they to follow x, friction would have no potential and line searches would stall.
 /// Curvature of friction that slides: with exactness 1 it has none along the slip; with 0 it has r / |s| k_slip in
 /// every direction, the quadratic above the potential that touches it at the slip. Newton then never jumps over
 /// the slip's end to the other side, and single iterations stay stable.
 template <class R>
-inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<R>& slip, const R& k, const R& k_slip,
-                                     const ContactState<R>& state, bool with_friction, const R& exactness) {
+inline void add_friction(const Vec3<R>& slip, const R& k_slip, const ContactState<R>& state, const R& exactness,
+                         ContactTerms<R>& t) {
     const R half(ScalarOf<R>(0.5));
-    const R force = maximum(state.normal_multiplier - k * surface.distance, R(0));
-    const MaskOf<R> active = force > R(0);
-    ContactTerms<R> t;
-    t.normal_force = force;
-    t.energy = half / k * (force * force - state.normal_multiplier * state.normal_multiplier);
-    t.gradient = (-force) * surface.normal;
-    t.curvature = select(active, k, R(0)) * outer(surface.normal, surface.normal);
-    t.tangential = {R(0), R(0), R(0)};
-    if (!with_friction) return t;
-
     const Vec3<R>& n = state.friction_normal;
     const Vec3<R> slip_t = slip - dot(n, slip) * n;
     const Vec3<R> multiplier = state.tangential_multiplier - dot(n, state.tangential_multiplier) * n;
@@ -60,6 +63,14 @@ inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<
     const Mat3<R> tangent_plane = Mat3<R>::identity() - outer(n, n);
     t.curvature = t.curvature +
                   (k_slip * scale) * (tangent_plane - select(slides, exactness, R(0)) * outer(direction, direction));
+}
+
+/// Both.
+template <class R>
+inline ContactTerms<R> contact_terms(const SurfacePoint<R>& surface, const Vec3<R>& slip, const R& k, const R& k_slip,
+                                     const ContactState<R>& state, bool with_friction, const R& exactness) {
+    ContactTerms<R> t = normal_terms(surface, k, state.normal_multiplier);
+    if (with_friction) add_friction(slip, k_slip, state, exactness, t);
     return t;
 }
 

@@ -58,33 +58,41 @@ void clear_slot(SkinChunk<T>& c, int slot) {
 }
 
 template <class T>
-bool detect_for_chunk(const Table<RigidShape>& shapes, const SolverSettings& solver, SkinChunk<T>& c) {
+bool detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+                      SkinChunk<T>& c) {
     if (c.slot_capacity == 0) return false;
     struct Candidate {
         double distance;
         int object;
+        unsigned lanes;
     };
     std::array<Candidate, max_contact_slots> near;
+    std::array<Reach, 16> reach;
+    for (int lane = 0; lane < c.width; ++lane)
+        if ((c.used_lanes >> lane) & 1u) reach[lane] = lane_reach(c, lane, solver);
     int count = 0;
     bool crowded = false;
     for (int object = 0; object < int(shapes.size()); ++object) {
-        double nearest = 1e300;
+        const RigidShape& shape = shapes[object];
+        const double way =
+            shape.body < 0 ? 0 : 2 * solver.dt * norm(bodies[shape.body].velocity) + 20 * solver.dt * solver.dt;
+        Candidate found{1e300, object, 0};
         for (int lane = 0; lane < c.width; ++lane) {
             if (!((c.used_lanes >> lane) & 1u)) continue;
-            const Reach reach = lane_reach(c, lane, solver);
             const double d =
-                surface_point(shapes[object].shape, shapes[object].pose, reach.centre).distance - reach.radius;
-            nearest = std::min(nearest, d);
+                surface_point(shape.shape, shape.pose, reach[lane].centre).distance - reach[lane].radius - way;
+            found.distance = std::min(found.distance, d);
+            if (d < 0) found.lanes |= 1u << lane;
         }
-        if (!(nearest < 0)) continue;
+        if (found.lanes == 0) continue;
         if (count < c.slot_capacity) {
-            near[count++] = {nearest, object};
+            near[count++] = found;
             continue;
         }
         crowded = true;
         auto* farthest = std::max_element(near.begin(), near.begin() + count,
                                           [](auto& a, auto& b) { return a.distance < b.distance; });
-        if (nearest < farthest->distance) *farthest = {nearest, object};
+        if (found.distance < farthest->distance) *farthest = found;
     }
     // An object keeps its slot, and with it its multipliers, for as long as it is near.
     auto is_near = [&](int object) {
@@ -99,18 +107,19 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const SolverSettings& sol
             slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity,
                                 [](const ContactSlot& s) { return s.object < 0; });
         const RigidShape& shape = shapes[near[i].object];
-        *slot = {near[i].object, shape.shape, shape.pose, shape.previous, shape.friction};
+        *slot = {near[i].object, shape.shape, shape.pose, shape.previous, shape.friction, shape.body, {}, near[i].lanes};
+        if (shape.body >= 0) slot->mass_centre = bodies[shape.body].mass_centre;
     }
     return crowded;
 }
 
 }  // namespace
 
-int detect_contacts(const Table<RigidShape>& shapes, const SolverSettings& solver,
+int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                     std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks) {
     int crowded = 0;
-    for (auto& c : double_chunks) crowded += detect_for_chunk(shapes, solver, c);
-    for (auto& c : float_chunks) crowded += detect_for_chunk(shapes, solver, c);
+    for (auto& c : double_chunks) crowded += detect_for_chunk(shapes, bodies, solver, c);
+    for (auto& c : float_chunks) crowded += detect_for_chunk(shapes, bodies, solver, c);
     return crowded;
 }
 

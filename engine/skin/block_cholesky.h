@@ -84,9 +84,9 @@ inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarO
     return bad_pivots;
 }
 
-/// Solves L L^T y = b in place; b is [column][xyz][lane] in elimination order.
+/// Solves L y = b in place; b is [column][xyz][lane] in elimination order.
 template <class R>
-inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
+inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
     constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
     auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
     for (int j = 0; j < p.columns; ++j) {
@@ -101,6 +101,44 @@ inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* factor, Scala
             store_vec3<R>(target, load_vec3<R>(target) - block(k) * y);
         }
     }
+}
+
+/// The same for `count` right-hand sides, `stride` scalars apart, each block read once. Rows that are still zero in
+/// every one of them are passed over.
+template <int count, class R>
+inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b, std::size_t stride) {
+    constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
+    auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
+    for (int j = 0; j < p.columns; ++j) {
+        Vec3<R> y[count];
+        R size(0);
+        for (int c = 0; c < count; ++c) {
+            y[c] = load_vec3<R>(b + c * stride + j * W3);
+            size = maximum(size, maximum(absolute(y[c].x), maximum(absolute(y[c].y), absolute(y[c].z))));
+        }
+        if (!any(size > R(0))) continue;
+        const Mat3<R> L = block(p.column_start[j]);
+        for (int c = 0; c < count; ++c) {
+            y[c].x = y[c].x * L[0][0];
+            y[c].y = (y[c].y - L[1][0] * y[c].x) * L[1][1];
+            y[c].z = (y[c].z - L[2][0] * y[c].x - L[2][1] * y[c].y) * L[2][2];
+            store_vec3<R>(b + c * stride + j * W3, y[c]);
+        }
+        for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k) {
+            const Mat3<R> B = block(k);
+            for (int c = 0; c < count; ++c) {
+                ScalarOf<R>* target = b + c * stride + p.row[k] * W3;
+                store_vec3<R>(target, load_vec3<R>(target) - B * y[c]);
+            }
+        }
+    }
+}
+
+/// Solves L^T y = b in place.
+template <class R>
+inline void solve_blocks_backward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
+    constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
+    auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
     for (int j = p.columns - 1; j >= 0; --j) {
         Vec3<R> y = load_vec3<R>(b + j * W3);
         for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k)
@@ -111,6 +149,13 @@ inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* factor, Scala
         y.x = (y.x - L[1][0] * y.y - L[2][0] * y.z) * L[0][0];
         store_vec3<R>(b + j * W3, y);
     }
+}
+
+/// Solves L L^T y = b in place.
+template <class R>
+inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
+    solve_blocks_forward<R>(p, factor, b);
+    solve_blocks_backward<R>(p, factor, b);
 }
 
 }  // namespace palpate

@@ -69,13 +69,17 @@ void for_each_array(Chunk& c, Visit visit) {
                     &w.contact_normal,
                     &w.svd})
         visit(*a);
+    auto& x = c.exchange;
+    for (auto* a : {&x.centre, &x.slot_gradient, &x.slot_curvature, &x.columns, &x.body_gradient, &x.body_rhs,
+                    &x.body_matrix, &x.body_step})
+        visit(*a);
 }
 
 }  // namespace
 
 template <class T>
 void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
-                    bool has_friction, int object_count) {
+                    bool has_friction, int object_count, bool has_bodies) {
     const SkinTopology& t = *topology;
     c.topology = std::move(topology);
     c.width = width;
@@ -114,6 +118,13 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     if (width == 1) make(w.panels, t.supernodes.panel_scalars), make(w.panel_work, t.supernodes.work_scalars);
     make(w.normal_candidate, contacts), make(w.tangential_candidate, 3 * frictions);
     make(w.contact_normal, 3 * frictions), make(w.svd, 9 * E);
+    if (!has_bodies) return;
+    auto& x = c.exchange;
+    const std::size_t slots = c.slot_capacity;
+    make(x.centre, 3 * slots), make(x.slot_gradient, 3 * contacts), make(x.slot_curvature, 9 * contacts);
+    make(x.columns, slots * 18 * t.unknowns.size());
+    make(x.body_gradient, 6 * slots), make(x.body_rhs, 6 * slots);
+    make(x.body_matrix, 36 * slots * slots), make(x.body_step, 6 * slots);
 }
 
 namespace {
@@ -264,7 +275,8 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
 }
 
 #define PALPATE_INSTANTIATE(T)                                                                              \
-    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int); \
+    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int,  \
+                                 bool);                                                                     \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);            \
     template void place_slots(SkinChunk<T>&);                                                               \
     template void rebase_lane(SkinChunk<T>&, int);                                                          \

@@ -80,7 +80,7 @@ struct SkinScratch {
     LaneArray<T> blocks;     ///< [block][3x3]
     LaneArray<T> factor;     ///< [block][3x3] Cholesky factor, where lanes are fingers
     LaneArray<T> first_direction;       ///< [node, bone][xyz] Newton's own, before contacts were followed
-    LaneArray<T> sample_gradient;       ///< [sample][xyz] contact's part of the gradient
+    LaneArray<T> sample_gradient;       ///< [sample][xyz] contact's part of the gradient, bodies' apart
     LaneArray<T> sample_curvature;      ///< [sample][3x3] and of the matrix
     LaneArray<T> sample_residual;       ///< [sample][xyz]
     LaneArray<T> panels, panel_work;    ///< of the supernodal factor, for a finger alone in its chunk
@@ -98,9 +98,38 @@ enum class Material { corotational, saint_venant_kirchhoff, neo_hookean };
 struct ContactSlot {
     int object = -1;  ///< row of the object; -1 = empty
     Shape shape;
-    Pose<double> pose;   ///< at the end of the step
+    Pose<double> pose;   ///< at the end of the step; of a body: as far as the solve has got
     Pose<double> start;  ///< at its beginning
-    double friction = 0;  ///< Coulomb coefficient
+    double friction = 0;        ///< Coulomb coefficient
+    int body = -1;              ///< row of the body that moves it; -1 = fixed or scripted
+    Vec3<double> mass_centre{}; ///< of the body, in the object's frame [m]
+    unsigned near_lanes = 0;    ///< bit per lane that may touch it in this step
+};
+
+/// One lane's part in an iteration that fingers share with bodies.
+struct LaneReport {
+    double energy = 0, residual = 0, pending = 0, violation = 0, penetration = 0, contact_force = 0,
+           coupling_force = 0, limited = 0;  ///< as in Evaluation
+    double rounding = 0;                     ///< force that rounding of positions makes [N]
+    double slope = 0;                        ///< of the direction [J]
+    double bad_pivots = 0;
+    double surprise = 0;  ///< squared norm of what contact did beyond its linearisation [N^2]
+    double exactness = 0, alpha = 0, damping = 0, last_excess = 1e300;  ///< orders, per lane: as in LaneProgress
+};
+
+/// What a chunk exchanges with the bodies it touches; all empty in scenes without bodies. Columns are the 6 motions of
+/// a body: moved along xyz, turned about xyz through its centre of mass.
+template <class T>
+struct BodyExchange {
+    std::array<LaneReport, 16> lanes;
+    LaneArray<T> centre;          ///< [slot][xyz] centre of mass from the origin at the last evaluation
+    LaneArray<T> slot_gradient;   ///< [slot][sample][xyz] contact's gradient
+    LaneArray<T> slot_curvature;  ///< [slot][sample][3x3]
+    LaneArray<T> columns;         ///< [slot][6][unknown][xyz] L^-1 times the coupling block of the Newton matrix
+    LaneArray<T> body_gradient;   ///< [slot][6] gradient along the body's motions
+    LaneArray<T> body_rhs;        ///< [slot][6] condensed right-hand side
+    LaneArray<T> body_matrix;     ///< [slot][slot][6x6] condensed matrix (Schur complement)
+    LaneArray<T> body_step;       ///< [slot][6] the bodies' part of the direction: written by the bodies' solve
 };
 
 /// What the solve reports for one finger.
@@ -152,6 +181,7 @@ struct SkinChunk {
     SkinRest<T> rest;
     SkinState<T> state;
     SkinScratch<T> scratch;
+    BodyExchange<T> exchange;
 };
 
 /// What one finger brings to its lane.
@@ -169,7 +199,7 @@ struct SkinParameters {
 /// Allocates every array of a chunk: nothing is allocated later.
 template <class T>
 void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
-                    bool has_friction, int object_count);
+                    bool has_friction, int object_count, bool has_bodies = false);
 
 /// Writes one finger into a lane, at rest on the bone pose `bone`.
 template <class T>

@@ -21,15 +21,31 @@ inline R factor_matrix(SkinChunk<ScalarOf<R>>& c) {
         return factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data());
 }
 
-/// Solves for the right-hand side in scratch.permuted, in place.
+/// Solves L y = b, with the factor L, for the right-hand side in scratch.permuted, in place.
 template <class R>
-inline void solve_matrix(SkinChunk<ScalarOf<R>>& c) {
+inline void solve_forward(SkinChunk<ScalarOf<R>>& c) {
     const SkinTopology& t = *c.topology;
     if constexpr (lane_width<R> == 1)
-        solve_supernodes<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
-                            c.scratch.panel_work.data());
+        solve_supernodes_forward<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
+                                    c.scratch.panel_work.data());
     else
-        solve_blocks<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
+        solve_blocks_forward<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
+}
+/// Solves L^T y = b.
+template <class R>
+inline void solve_backward(SkinChunk<ScalarOf<R>>& c) {
+    const SkinTopology& t = *c.topology;
+    if constexpr (lane_width<R> == 1)
+        solve_supernodes_backward<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
+                                     c.scratch.panel_work.data());
+    else
+        solve_blocks_backward<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
+}
+/// Both: L L^T y = b.
+template <class R>
+inline void solve_matrix(SkinChunk<ScalarOf<R>>& c) {
+    solve_forward<R>(c);
+    solve_backward<R>(c);
 }
 
 /// Slope g . d of the masked lanes' direction.

@@ -9,21 +9,9 @@
 #include "engine/skin/block_cholesky.h"
 #include "engine/skin/chunk.h"
 #include "engine/skin/isotropic.h"
+#include "engine/skin/progress.h"
 
 namespace palpate {
-
-template <class R>
-struct Evaluation {
-    R energy{0};          ///< [J]
-    R residual{0};        ///< squared norm of the gradient [N^2]
-    R pending{0};         ///< squared norm of the change of nodal forces that a multiplier update would bring
-                          ///< [N^2]; stresses in equilibrium with themselves do not count
-    R violation{0};       ///< worst relative excess over a strain limit
-    R penetration{0};     ///< worst [m]
-    R contact_force{0};   ///< sum of normal forces [N]
-    R coupling_force{0};  ///< norm of the coupling's force [N]
-    R limited{0};         ///< elements with an active limit
-};
 
 namespace detail {
 
@@ -380,10 +368,15 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             out.pending += change * change;
             out.penetration = maximum(-contact.surface.distance, out.penetration);
             add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.gradient);
-            add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], terms.gradient);
-            if constexpr (want == Want::forces_and_matrix) {
+            if constexpr (want == Want::forces_and_matrix)
                 add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], terms.curvature);
-                add_block<R>(c.scratch.sample_curvature.data(), int(s), terms.curvature);
+            if (c.slots[slot].body >= 0) {
+                store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], terms.gradient);
+                store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], terms.curvature);
+            } else {
+                add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], terms.gradient);
+                if constexpr (want == Want::forces_and_matrix)
+                    add_block<R>(c.scratch.sample_curvature.data(), int(s), terms.curvature);
             }
             store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
             if (contact.friction) {

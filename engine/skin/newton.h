@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "engine/skin/direction.h"
+#include "engine/skin/progress.h"
 
 namespace palpate {
 
@@ -182,38 +183,14 @@ inline MaskOf<R> lost_lanes(const SkinChunk<ScalarOf<R>>& c) {
     return !MaskOf<R>(farthest <= reach * reach);
 }
 
-/// Where each lane stands in its iteration.
+/// Adds the lanes' damping to the diagonal of the Newton matrix.
 template <class R>
-struct LaneProgress {
-    MaskOf<R> active;             ///< not finished
-    MaskOf<R> converged, failed;  ///< how it finished
-    R base_energy, slope, alpha;  ///< of the running line search
-    R exactness;                  ///< share of exact curvature in the next Newton matrix
-    R last_excess;                ///< violation over tolerance at the last multiplier update
-    R damping;  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
-    R iterations{0}, updates{0}, backtracks{0};
-};
-
-/// Levenberg-Marquardt: a step that the line search had to shorten promised more than the potential held,
-/// mostly because elements turned too far for their linearised stretches, or because contacts and limits
-/// changed. The next one is damped by about the tissue's own stiffness, and less and less where steps fit.
-template <class R>
-inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, LaneProgress<R>& p) {
-    using T = ScalarOf<R>;
-    const MaskOf<R> stepped = lanes & (p.slope < R(0));
-    const R more = minimum(maximum(R(3) * p.damping, R(1)), R(T(1e6))), less = R(T(0.2)) * p.damping;
-    p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
-    if (!any(lanes & (p.damping > R(0)))) return;
-    const Mat3<R> block = (p.damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
+inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& damping) {
+    if (!any(lanes & (damping > R(0)))) return;
+    const Mat3<R> block = (damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
     for (std::size_t u = 0; u + 2 < c.topology->unknowns.size(); ++u)
         add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[c.topology->unknowns[u]], block);
 }
-
-/// What the lanes do next; each active lane does exactly one of the three.
-template <class R>
-struct LaneDecision {
-    MaskOf<R> retry, update, newton;
-};
 
 /// Force that rounding of positions makes [N]: no residual can be asked to be below it.
 template <class R>
@@ -226,44 +203,6 @@ inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e)
         stiffness += select(e.contact_force > R(0),
                             load<R>(c.rest.contact_penalty.data()) * load<R>(c.state.penalty_scale.data()), R(0));
     return R(2 * std::numeric_limits<T>::epsilon()) * load<R>(c.rest.extent.data()) * stiffness;
-}
-
-template <class R>
-inline LaneDecision<R> decide(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const SolverSettings& s,
-                              LaneProgress<R>& p) {
-    using T = ScalarOf<R>;
-    constexpr T eps = std::numeric_limits<T>::epsilon();
-    const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
-    p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
-    p.active = p.active & !p.failed;
-
-    const R slack = R(64 * eps) * absolute(e.energy);
-    const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
-    LaneDecision<R> d;
-    d.retry = p.active & !decreased & ((p.alpha > R(T(1.0 / 64))) | !sound);
-    p.failed = p.failed | (d.retry & (p.alpha < R(T(1e-6))));
-    p.active = p.active & !p.failed;
-    d.retry = d.retry & p.active;
-
-    const R scale = maximum(maximum(e.contact_force, e.coupling_force), R(T(0.01)));
-    const R rounding = rounding_force(c, e);
-    const R tolerance = maximum(R(T(s.tolerance)) * scale, rounding);
-    const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, rounding);
-    const R residual = square_root(e.residual), pending = square_root(e.pending);
-    const R gate =
-        select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
-    const MaskOf<R> ready = p.active & !d.retry & (residual <= gate);
-    const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
-                                (e.penetration <= R(T(s.contact_tolerance)));
-    p.converged = p.converged | (ready & satisfied);
-    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations));
-    // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
-    d.update =
-        ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & (p.updates < R(T(4 * s.newton_iterations)));
-    const MaskOf<R> first = p.iterations <= R(0);
-    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
-    p.active = d.retry | d.update | d.newton;
-    return d;
 }
 
 template <class R>
@@ -288,32 +227,16 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
 /// on it, and the multipliers then swing from one side to the other for ever.
 template <class R>
 inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s, const Evaluation<R>& e,
-                               MaskOf<R> lanes, LaneProgress<R>& p) {
+                               MaskOf<R> lanes, R& last_excess) {
     using T = ScalarOf<R>;
     const R excess = maximum(e.violation * R(T(1 / s.limit_tolerance)), e.penetration * R(T(1 / s.contact_tolerance)));
     const R scale = load<R>(c.state.penalty_scale.data());
     const T largest = sizeof(T) == 8 ? T(1e5) : T(4e3);  // beyond, rounding of positions is felt as force
     // Far outside, where elements are inverted, a violation that stays says nothing about the multipliers.
     const MaskOf<R> near = e.violation < R(T(0.5));
-    const MaskOf<R> slow = lanes & near & (excess > R(1)) & (R(4) * excess > p.last_excess) & (scale < R(largest));
+    const MaskOf<R> slow = lanes & near & (excess > R(1)) & (R(4) * excess > last_excess) & (scale < R(largest));
     store<R>(c.state.penalty_scale.data(), select(slow, R(8) * scale, scale));
-    p.last_excess = select(lanes, excess, p.last_excess);
-}
-
-/// Newton iterations of a step with positive curvature before exact curvature is tried: most steps are
-/// done by then; hard ones, under large limit forces, converge slowly without it. Steps that are not done
-/// after `exact_until` go on with positive curvature alone, which is slower but keeps nearer to the limits.
-inline constexpr int exact_after = 4, exact_until = 100;
-
-/// Less exact curvature where the matrix was indefinite, more where it was not.
-template <class R>
-inline void adapt_exactness(LaneProgress<R>& p, MaskOf<R> indefinite, MaskOf<R> definite) {
-    using T = ScalarOf<R>;
-    const R less = select(p.exactness > R(T(0.05)), R(T(0.25)) * p.exactness, R(0));
-    const R more = minimum(R(1), select(p.exactness > R(0), R(2) * p.exactness, R(1)));
-    p.exactness =
-        select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
-    p.exactness = select((indefinite | definite) & (p.iterations > R(T(exact_until))), R(0), p.exactness);
+    last_excess = select(lanes, excess, last_excess);
 }
 
 }  // namespace detail
@@ -336,7 +259,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations))));
         e = may_step ? evaluate<R>(c, settings, p.exactness)
                      : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
-        detail::LaneDecision<R> d = detail::decide(c, e, settings, p);
+        detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
         if (!any(p.active)) break;
 
         if (any(d.retry)) {
@@ -344,7 +267,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
             p.backtracks += select(d.retry, R(1), R(0));
         }
         if (any(d.update)) {
-            detail::stiffen_slow_lanes(c, settings, e, d.update, p);
+            detail::stiffen_slow_lanes(c, settings, e, d.update, p.last_excess);
             p.updates += select(d.update, R(1), R(0));
             p.base_energy = select(d.update, R(std::numeric_limits<T>::max()), p.base_energy);
             detail::update_multipliers<R>(c, d.update);
@@ -353,7 +276,8 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         }
         if (any(d.newton)) {
             R bad_pivots;
-            detail::damp(c, d.newton, p);
+            detail::adapt_damping(p, d.newton);
+            detail::damp<R>(c, d.newton, p.damping);
             R slope = detail::newton_direction<R>(c, d.newton, bad_pivots);
             slope = detail::follow_contacts<R>(c, settings, d.newton & (p.exactness <= R(0)), p.exactness, e.residual,
                                                slope);

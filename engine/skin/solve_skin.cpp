@@ -42,14 +42,22 @@ int chunk_width(int fingers) {
 }
 
 template <class T>
+const Kernel<T>& kernel_for(const SkinChunk<T>& chunk) {
+    const auto& kernels = kernels_of<T>(best_kernels());
+    const auto* k = std::find_if(kernels.begin(), kernels.end(), [&](auto& k) { return k.width == chunk.width; });
+    assert(k != kernels.end() && "no kernel of this width on this processor");
+    return *k;
+}
+
+template <class T>
 void solve_skin(SkinChunk<T>& chunk, const SolverSettings& settings) {
-    for (const Kernel<T>& k : kernels_of<T>(best_kernels()))
-        if (k.width == chunk.width) return k.solve(chunk, settings);
-    assert(!"no kernel of this width on this processor");
+    kernel_for(chunk).solve(chunk, settings);
 }
 
 template int chunk_width<double>(int);
 template int chunk_width<float>(int);
+template const Kernel<double>& kernel_for(const SkinChunk<double>&);
+template const Kernel<float>& kernel_for(const SkinChunk<float>&);
 template void solve_skin(SkinChunk<double>&, const SolverSettings&);
 template void solve_skin(SkinChunk<float>&, const SolverSettings&);
 

@@ -15,6 +15,12 @@ bool near_an_object(const SkinChunk<T>& c) {
     return std::any_of(c.slots.begin(), c.slots.end(), [](const ContactSlot& s) { return s.object >= 0; });
 }
 
+template <class T>
+bool near_a_body(const SkinChunk<T>& c) {
+    return std::any_of(c.slots.begin(), c.slots.end(),
+                       [](const ContactSlot& s) { return s.object >= 0 && s.body >= 0; });
+}
+
 /// Whether the couplings' targets are those at which the chunk fell asleep, to the last bit.
 template <class T>
 bool same_targets(const SkinChunk<T>& c) {
@@ -37,6 +43,7 @@ bool has_come_to_rest(const SkinChunk<T>& c, const SolverSettings& solver) {
 
 template <class T>
 void solve_or_sleep(SkinChunk<T>& c, const SolverSettings& solver) {
+    if (near_a_body(c)) return;
     if (c.asleep && same_targets(c) && !near_an_object(c)) {
         for (SkinStatus& s : c.status) s.newton_iterations = s.multiplier_updates = s.backtracks = 0;
         return;

@@ -124,9 +124,9 @@ inline R factor_supernodes(const SupernodeFactor& f, const BlockPattern& p, cons
     return bad_pivots;
 }
 
-/// Solves L L^T y = b in place; b is [column][xyz] in elimination order.
+/// Solves L y = b in place; b is [column][xyz] in elimination order.
 template <class R>
-inline void solve_supernodes(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b, ScalarOf<R>* work) {
+inline void solve_supernodes_forward(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b, ScalarOf<R>* work) {
     using T = ScalarOf<R>;
     using V = typename RowLanes<R>::type;
     constexpr int W = lane_width<V>;
@@ -136,6 +136,7 @@ inline void solve_supernodes(const SupernodeFactor& f, const ScalarOf<R>* panels
     };
     for (const Supernode& s : f.supernodes) {
         gather(s);
+        if (std::all_of(work, work + 3 * s.column_count, [](T y) { return y == T(0); })) continue;
         for (int j = 0; j < s.column_count; ++j) {
             const T* c0 = panels + s.panel + std::size_t(3 * j) * s.stride;
             const T *c1 = c0 + s.stride, *c2 = c1 + s.stride;
@@ -151,6 +152,17 @@ inline void solve_supernodes(const SupernodeFactor& f, const ScalarOf<R>* panels
         for (int i = 0; i < s.row_count; ++i)
             std::memcpy(b + 3 * std::size_t(f.rows[s.first_row + i]), work + 3 * i, 3 * sizeof(T));
     }
+}
+
+/// Solves L^T y = b in place.
+template <class R>
+inline void solve_supernodes_backward(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b,
+                                      ScalarOf<R>* work) {
+    using T = ScalarOf<R>;
+    auto gather = [&](const Supernode& s) {
+        for (int i = 0; i < s.row_count; ++i)
+            std::memcpy(work + 3 * i, b + 3 * std::size_t(f.rows[s.first_row + i]), 3 * sizeof(T));
+    };
     for (auto s = f.supernodes.rbegin(); s != f.supernodes.rend(); ++s) {
         gather(*s);
         for (int j = s->column_count - 1; j >= 0; --j) {
@@ -169,6 +181,13 @@ inline void solve_supernodes(const SupernodeFactor& f, const ScalarOf<R>* panels
         }
         std::memcpy(b + 3 * std::size_t(s->first_column), work, std::size_t(3 * s->column_count) * sizeof(T));
     }
+}
+
+/// Solves L L^T y = b in place.
+template <class R>
+inline void solve_supernodes(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b, ScalarOf<R>* work) {
+    solve_supernodes_forward<R>(f, panels, b, work);
+    solve_supernodes_backward<R>(f, panels, b, work);
 }
 
 }  // namespace palpate

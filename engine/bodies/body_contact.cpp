@@ -1,0 +1,110 @@
+#include "engine/bodies/body_contact.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+std::vector<Feature> features_of(const Shape& shape) {
+    const Vec3<double>& s = shape.size;
+    std::vector<Feature> out;
+    switch (shape.kind) {
+        case ShapeKind::plane:
+            break;
+        case ShapeKind::box:
+            for (int i = 0; i < 8; ++i)
+                out.push_back({{i & 1 ? s.x : -s.x, i & 2 ? s.y : -s.y, i & 4 ? s.z : -s.z}, 0, {0, 0, 0}, 0});
+            break;
+        case ShapeKind::sphere:
+            out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, 0});
+            break;
+        case ShapeKind::capsule:
+            for (double end : {-s.y, s.y}) out.push_back({{0, 0, end}, s.x, {0, 0, 0}, 0});
+            break;
+        case ShapeKind::cylinder:
+            for (double end : {-s.y, s.y})
+                for (double angle : {0.0, 2.0943951023931953, -2.0943951023931953})
+                    out.push_back({{0, 0, end}, s.x, {0, 0, 1}, angle});
+            break;
+    }
+    return out;
+}
+
+namespace {
+
+/// The point of a feature that is deepest in b, world.
+Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Shape& shape, const Pose<double>& b) {
+    const Vec3<double> middle = transform(a, f.point);
+    if (f.radius <= 0) return middle;
+    const Vec3<double> n = surface_point(shape, b, middle).normal;
+    if (dot(f.axis, f.axis) <= 0) return middle - f.radius * n;
+    const Mat3<double> R = rotation_matrix(a.rotation);
+    const Vec3<double> axis = R * f.axis;
+    Vec3<double> out = n - dot(n, axis) * axis;
+    double length = norm(out);
+    if (length < 1e-9) {  // it stands upright: any three points of the rim do
+        out = cross(axis, std::abs(f.axis.x) < 0.5 ? R.column(0) : R.column(1));
+        length = norm(out);
+    }
+    out = (1 / length) * out;
+    const Vec3<double> turned = std::cos(f.angle) * out + std::sin(f.angle) * cross(axis, out);
+    return middle - f.radius * turned;
+}
+
+}  // namespace
+
+void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
+    for (std::size_t i = 0; i < features.size(); ++i) {
+        FeatureContact& c = pair.contacts[i];
+        const Vec3<double> point = deepest_point(features[i], a.start, *b.shape, b.start);
+        c.point_of_a = inverse_transform(a.start, point);
+        c.point_of_b = inverse_transform(b.start, point);
+    }
+}
+
+PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a,
+                             const ContactBody& b, double exactness) {
+    PairEvaluation out;
+    const Mat3<double> R = rotation_matrix(b.pose.rotation);
+    for (std::size_t i = 0; i < features.size(); ++i) {
+        FeatureContact& c = pair.contacts[i];
+        const Vec3<double> point = deepest_point(features[i], a.pose, *b.shape, b.pose);
+        const SurfacePoint<double> surface = surface_point(*b.shape, b.pose, point);
+        const ContactTerms<double> normal = normal_terms(surface, pair.penalty, c.normal_multiplier);
+        c.terms[0] = {normal.gradient, normal.curvature, point - a.centre, point - b.centre};
+        c.terms[1] = {};
+        c.normal_candidate = normal.normal_force;
+        c.distance = surface.distance;
+        c.normal_now = transposed_times(R, surface.normal);
+        out.energy += normal.energy;
+        out.contact_force += normal.normal_force;
+        out.penetration = std::max(out.penetration, -surface.distance);
+        const double change = normal.normal_force - c.normal_multiplier;
+        out.pending += change * change;
+        if (pair.friction <= 0) continue;
+        const Vec3<double> touched = transform(a.pose, c.point_of_a);
+        const Vec3<double> slip = R * (inverse_transform(b.pose, touched) - c.point_of_b);
+        const ContactState<double> state{c.normal_multiplier, R * c.tangential_multiplier, c.friction_radius,
+                                         R * c.friction_normal};
+        ContactTerms<double> friction{0, {0, 0, 0}, Mat3<double>::zero(), 0, {0, 0, 0}};
+        add_friction(slip, pair.penalty, state, exactness, friction);
+        c.terms[1] = {friction.gradient, friction.curvature, touched - a.centre, touched - b.centre};
+        c.tangential_candidate = transposed_times(R, friction.tangential);
+        out.energy += friction.energy;
+        const Vec3<double> dt = friction.tangential - state.tangential_multiplier;
+        const double dr = pair.friction * normal.normal_force - c.friction_radius;
+        out.pending += dot(dt, dt) + dr * dr;
+    }
+    return out;
+}
+
+void update_pair(BodyPair& pair) {
+    for (FeatureContact& c : pair.contacts) {
+        c.normal_multiplier = c.normal_candidate;
+        c.tangential_multiplier = c.tangential_candidate;
+        c.friction_radius = pair.friction * c.normal_candidate;
+        c.friction_normal = c.normal_now;
+    }
+}
+
+}  // namespace palpate

@@ -1,0 +1,86 @@
+#pragma once
+// Contact between objects of which at least one is a body: points of one against the signed distance of the other.
+
+#include <array>
+#include <vector>
+
+#include "engine/bodies/rigid_body.h"
+#include "engine/contact/contact_terms.h"
+
+namespace palpate {
+
+/// A point of an object at which contact with other objects is decided: the corner of a box, the middle of a ball
+/// (radius > 0), the middle of a disc (with its axis), of which the deepest point of the rim counts, or the one `angle`
+/// further round.
+struct Feature {
+    Vec3<double> point{0, 0, 0};  ///< object's frame [m]
+    double radius = 0;            ///< [m]
+    Vec3<double> axis{0, 0, 0};   ///< of a disc; zero for balls and points
+    double angle = 0;             ///< [rad]
+};
+
+/// Features of a shape; none for a plane.
+std::vector<Feature> features_of(const Shape& shape);
+
+/// An object as contact between objects sees it.
+struct ContactBody {
+    const Shape* shape = nullptr;
+    Pose<double> start, pose;           ///< of the object, at the beginning of the step and now
+    Vec3<double> centre{0, 0, 0};       ///< of mass, now; what its motions turn about
+    int body = -1;                      ///< row of its body; -1: fixed or scripted
+};
+
+/// One push on both objects of a pair: a gradient and curvature at one point.
+struct PairTerm {
+    Vec3<double> gradient{0, 0, 0};  ///< along the way of a's point relative to b [N]
+    Mat3<double> curvature = Mat3<double>::zero();
+    Vec3<double> arm_of_a{0, 0, 0}, arm_of_b{0, 0, 0};  ///< from the centres to the point [m]
+};
+
+/// A feature of object a against object b.
+struct FeatureContact {
+    double normal_multiplier = 0;                                ///< [N]
+    Vec3<double> tangential_multiplier{0, 0, 0};                 ///< b's frame [N]
+    double friction_radius = 0;                                  ///< [N]
+    Vec3<double> friction_normal{0, 0, 0};                       ///< b's frame
+    Vec3<double> point_of_a{0, 0, 0}, point_of_b{0, 0, 0};       ///< what touched at the start, each in its frame
+    double normal_candidate = 0;                                 ///< at the last evaluation
+    Vec3<double> tangential_candidate{0, 0, 0};                  ///< b's frame
+    Vec3<double> normal_now{0, 0, 0};                            ///< b's frame
+    double distance = 0;                                         ///< [m]
+    double approach = 0;                                         ///< speed of approach at the start [m/s]
+    std::array<PairTerm, 2> terms;                               ///< normal, friction
+};
+
+/// Two objects near each other: `a` brings the features.
+struct BodyPair {
+    int a = -1, b = -1;    ///< rows of objects; -1: unused
+    double friction = 0;   ///< Coulomb coefficient
+    double penalty = 2e5;  ///< [N/m]
+    bool near = false;     ///< found near in this step
+    std::vector<FeatureContact> contacts;  ///< [feature of a]
+};
+
+/// Start of a step: which points touch, for friction, and how fast they approach.
+void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
+
+struct PairEvaluation {
+    double energy = 0, pending = 0, penetration = 0, contact_force = 0;
+};
+/// Evaluates all contacts of a pair at the objects' poses; writes their terms and candidates.
+PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a,
+                             const ContactBody& b, double exactness);
+
+/// Candidates become multipliers.
+void update_pair(BodyPair& pair);
+
+/// Way of a body's point at `arm` from its centre of mass when the body moves: d = G motion.
+inline Eigen::Matrix<double, 3, 6> point_motion(const Vec3<double>& arm) {
+    const Mat3<double> turn = skew(arm);
+    Eigen::Matrix<double, 3, 6> G;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) G(i, j) = i == j, G(i, 3 + j) = -turn[i][j];
+    return G;
+}
+
+}  // namespace palpate

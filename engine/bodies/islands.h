@@ -1,0 +1,82 @@
+#pragma once
+// What the bodies' solve works on, and how it groups lanes and bodies into islands.
+
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include "engine/skin/kernels.h"
+#include "engine/world.h"
+
+namespace palpate {
+
+/// What the solve works on.
+struct BodyWork {
+    const SolverSettings& solver;
+    oneapi::tbb::task_arena& arena;
+    Table<RigidShape>& shapes;
+    Table<RigidBody>& bodies;
+    BodySolve& s;
+    std::vector<SkinChunk<double>>& double_chunks;
+    std::vector<SkinChunk<float>>& float_chunks;
+};
+
+/// Calls visit(chunk, kernel) for a coupled chunk, whatever its precision.
+template <class Visit>
+void with_chunk(const BodyWork& w, int coupled, Visit visit) {
+    const int index = w.s.coupled[coupled], doubles = int(w.double_chunks.size());
+    if (index < doubles)
+        visit(w.double_chunks[index], kernel_for(w.double_chunks[index]).coupled);
+    else
+        visit(w.float_chunks[index - doubles], kernel_for(w.float_chunks[index - doubles]).coupled);
+}
+
+inline int island_of(const BodyWork& w, int coupled, int lane) { return w.s.lane_island[16 * coupled + lane]; }
+
+/// Bits of the lanes whose island fulfils a condition.
+template <class Condition>
+unsigned lanes_where(const BodyWork& w, int coupled, Condition condition) {
+    unsigned lanes = 0;
+    for (int lane = 0; lane < 16; ++lane) {
+        const int i = island_of(w, coupled, lane);
+        if (i >= 0 && condition(w.s.islands[i])) lanes |= 1u << lane;
+    }
+    return lanes;
+}
+
+/// Calls visit(chunk, kernel, lanes) for every coupled chunk with lanes whose island fulfils a condition, in parallel.
+template <class Condition, class Visit>
+void for_each_chunk(const BodyWork& w, Condition condition, Visit visit) {
+    auto one = [&](int k) {
+        const unsigned lanes = lanes_where(w, k, condition);
+        if (lanes) with_chunk(w, k, [&](auto& c, const auto& kernel) { visit(c, kernel, lanes); });
+    };
+    const int count = int(w.s.coupled.size());
+    if (count == 1) return one(0);
+    w.arena.execute([&] { oneapi::tbb::parallel_for(0, count, one, oneapi::tbb::simple_partitioner()); });
+}
+
+/// Calls visit(chunk, lane, island) for every lane, one after the other.
+template <class Visit>
+void for_each_lane(const BodyWork& w, Visit visit) {
+    for (int k = 0; k < int(w.s.coupled.size()); ++k)
+        with_chunk(w, k, [&](auto& c, const auto&) {
+            for (int lane = 0; lane < c.width; ++lane)
+                if (island_of(w, k, lane) >= 0) visit(c, lane, w.s.islands[island_of(w, k, lane)]);
+        });
+}
+
+/// Calls visit(slot, body) for the slots with a body that a lane may touch.
+template <class T, class Visit>
+void for_each_body_of(const BodyWork& w, const SkinChunk<T>& c, int lane, Visit visit) {
+    for (int slot = 0; slot < c.slot_capacity; ++slot)
+        if (c.slots[slot].object >= 0 && c.slots[slot].body >= 0 && ((c.slots[slot].near_lanes >> lane) & 1u))
+            visit(slot, w.s.bodies[c.slots[slot].body]);
+}
+
+/// The island of the bodies that a pair connects.
+Island& island_of_pair(BodyWork& work, const BodyPair& pair);
+
+/// Bodies at the start of the step, objects, chunks near bodies, pairs of objects near each other, islands.
+void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions);
+
+}  // namespace palpate

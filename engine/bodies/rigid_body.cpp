@@ -1,0 +1,57 @@
+#include "engine/bodies/rigid_body.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace palpate {
+
+double volume_of(const Shape& shape) {
+    constexpr double pi = std::numbers::pi;
+    const Vec3<double>& s = shape.size;
+    switch (shape.kind) {
+        case ShapeKind::plane:
+            return 0;
+        case ShapeKind::box:
+            return 8 * s.x * s.y * s.z;
+        case ShapeKind::sphere:
+            return 4.0 / 3 * pi * s.x * s.x * s.x;
+        case ShapeKind::capsule:
+            return pi * s.x * s.x * (2 * s.y + 4.0 / 3 * s.x);
+        case ShapeKind::cylinder:
+            return pi * s.x * s.x * 2 * s.y;
+    }
+    return 0;
+}
+
+RigidBody solid_body(const Shape& shape, double mass) {
+    const Vec3<double>& s = shape.size;
+    RigidBody body;
+    body.mass = mass;
+    Vec3<double> moments{0, 0, 0};
+    switch (shape.kind) {
+        case ShapeKind::plane:
+            break;
+        case ShapeKind::box:
+            moments = (mass / 3) * Vec3<double>{s.y * s.y + s.z * s.z, s.x * s.x + s.z * s.z, s.x * s.x + s.y * s.y};
+            break;
+        case ShapeKind::sphere:
+            moments = (0.4 * mass * s.x * s.x) * Vec3<double>{1, 1, 1};
+            break;
+        case ShapeKind::capsule: {
+            // A cylinder with half a ball at each end, whose centre lies 3/8 of the radius out.
+            const double caps = mass * 4 * s.x / (4 * s.x + 6 * s.y), tube = mass - caps, r2 = s.x * s.x;
+            const double across = tube * (r2 / 4 + s.y * s.y / 3) + caps * (0.4 * r2 + s.y * s.y + 0.75 * s.x * s.y);
+            moments = {across, across, tube * r2 / 2 + 0.4 * caps * r2};
+            break;
+        }
+        case ShapeKind::cylinder: {
+            const double across = mass * (s.x * s.x / 4 + s.y * s.y / 3);
+            moments = {across, across, mass * s.x * s.x / 2};
+            break;
+        }
+    }
+    for (int i = 0; i < 3; ++i) body.inertia[i][i] = moments[i];
+    return body;
+}
+
+}  // namespace palpate

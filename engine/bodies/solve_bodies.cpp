@@ -1,0 +1,478 @@
+// Bodies, and the fingers that touch them, in one implicit solve: Newton on the sum of their incremental potentials. In
+// each iteration a lane condenses its skin and bone onto the bodies it touches (skin/coupled.h), the bodies are solved
+// on the sum, and lanes and bodies move together. Islands that do not touch each other iterate on their own.
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "engine/bodies/islands.h"
+#include "engine/systems.h"
+
+namespace palpate {
+
+namespace {
+
+using Work = BodyWork;
+
+/// Puts bodies where the solve has them, or where their step ends.
+void place_bodies(Work& w, bool at_end_of_step) {
+    for (std::size_t object = 0; object < w.s.objects.size(); ++object) {
+        ContactBody& o = w.s.objects[object];
+        if (o.body < 0) continue;
+        const BodyProgress& b = w.s.bodies[o.body];
+        const Pose<double> centre = at_end_of_step ? moved(b.pose, b.step, 1) : b.pose;
+        o.pose = object_pose(w.bodies[o.body], centre);
+        o.centre = centre.position;
+    }
+    for (int k = 0; k < int(w.s.coupled.size()); ++k)
+        with_chunk(w, k, [&](auto& c, const auto&) {
+            for (ContactSlot& slot : c.slots)
+                if (slot.object >= 0 && slot.body >= 0) slot.pose = w.s.objects[slot.object].pose;
+        });
+}
+
+/// Calls visit(body, term's motion matrix) for the bodies of a pair that a term pushes; b moves against a.
+template <class Visit>
+void for_each_end(Work& w, const BodyPair& p, const PairTerm& t, Visit visit) {
+    if (w.shapes[p.a].body >= 0) visit(w.s.bodies[w.shapes[p.a].body], point_motion(t.arm_of_a));
+    if (w.shapes[p.b].body >= 0)
+        visit(w.s.bodies[w.shapes[p.b].body], Eigen::Matrix<double, 3, 6>(-point_motion(t.arm_of_b)));
+}
+
+Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
+Eigen::Matrix3d eigen(const Mat3<double>& m) {
+    return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&m.m[0][0]);
+}
+
+/// Everything at the current positions and poses: energies, gradients, and what each island makes of them.
+void evaluate_all(Work& w, bool with_matrix) {
+    BodySolve& s = w.s;
+    auto active = [](const Island& i) { return i.progress.active; };
+    for (int i = 0; i < s.island_count; ++i)
+        if (active(s.islands[i])) s.islands[i].evaluation = {}, s.islands[i].rounding = 0;
+    place_bodies(w, false);
+    for_each_lane(w, [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
+    for_each_chunk(w, active,
+                   [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver, with_matrix); });
+    for (std::size_t b = 0; b < s.bodies.size(); ++b) {
+        Island& i = s.islands[s.bodies[b].island];
+        if (!active(i)) continue;
+        s.bodies[b].inertia = body_inertia(w.bodies[b], s.bodies[b].target, s.bodies[b].pose, w.solver.dt);
+        s.bodies[b].gradient = s.bodies[b].inertia.gradient;
+        i.evaluation.energy += s.bodies[b].inertia.energy;
+        i.evaluation.force_floor = std::min(i.evaluation.force_floor, 9.81 * w.bodies[b].mass);
+    }
+    for (BodyPair& p : s.pairs) {
+        if (p.a < 0) continue;
+        Island& i = island_of_pair(w, p);
+        if (!active(i)) continue;
+        const PairEvaluation e =
+            evaluate_pair(p, s.features[p.a], s.objects[p.a], s.objects[p.b], i.progress.exactness);
+        i.evaluation.energy += e.energy;
+        i.evaluation.pending += e.pending;
+        i.evaluation.contact_force += e.contact_force;
+        i.evaluation.penetration = std::max(i.evaluation.penetration, e.penetration);
+        for (const FeatureContact& c : p.contacts)
+            for (const PairTerm& t : c.terms)
+                for_each_end(w, p, t, [&](BodyProgress& body, const auto& G) {
+                    body.gradient += G.transpose() * eigen(t.gradient);
+                });
+    }
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (!active(i)) return;
+        const LaneReport& r = c.exchange.lanes[lane];
+        Evaluation<double>& e = i.evaluation;
+        e.energy += r.energy, e.residual += r.residual, e.pending += r.pending, e.limited += r.limited;
+        e.violation = std::max(e.violation, r.violation), e.penetration = std::max(e.penetration, r.penetration);
+        e.contact_force += r.contact_force, e.coupling_force = std::max(e.coupling_force, r.coupling_force);
+        i.rounding = std::max(i.rounding, r.rounding);
+        for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
+            for (int k = 0; k < 6; ++k) b.gradient[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
+        });
+    });
+    for (std::size_t b = 0; b < s.bodies.size(); ++b) {
+        const Motion& g = s.bodies[b].gradient;
+        s.islands[s.bodies[b].island].evaluation.residual +=
+            g.head<3>().squaredNorm() + g.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
+    }
+}
+
+/// Solves an island's bodies on what their lanes have condensed; `added` is their part of the direction.
+void solve_island(Work& w, Island& island) {
+    BodySolve& s = w.s;
+    const int n = 6 * int(island.bodies.size());
+    if (n == 0) return;
+    auto A = s.matrix.topLeftCorner(n, n);
+    A.setZero();
+    for (int b : island.bodies) {
+        BodyProgress& body = s.bodies[b];
+        A.block<6, 6>(body.row, body.row) = body.inertia.curvature;
+        const double damping = 300 * island.progress.damping, size = w.bodies[b].size;
+        for (int k = 0; k < 6; ++k) A(body.row + k, body.row + k) += k < 3 ? damping : damping * size * size;
+        s.rhs.segment<6>(body.row) = body.rhs;
+    }
+    for (BodyPair& p : s.pairs) {
+        if (p.a < 0 || &island_of_pair(w, p) != &island) continue;
+        for (const FeatureContact& c : p.contacts)
+            for (const PairTerm& t : c.terms)
+                for_each_end(w, p, t, [&](BodyProgress& i, const auto& G) {
+                    const Eigen::Matrix<double, 6, 3> GK = G.transpose() * eigen(t.curvature);
+                    for_each_end(w, p, t, [&](BodyProgress& j, const auto& H) {
+                        A.template block<6, 6>(i.row, j.row) += GK * H;
+                    });
+                });
+    }
+    for_each_lane(w, [&](auto& c, int lane, Island& of_lane) {
+        if (&of_lane != &island) return;
+        const int W = c.width;
+        for_each_body_of(w, c, lane, [&](int a, BodyProgress& body_a) {
+            for (int k = 0; k < 6; ++k) s.rhs[body_a.row + k] += c.exchange.body_rhs[(6 * a + k) * W + lane];
+            for_each_body_of(w, c, lane, [&](int b, BodyProgress& body_b) {
+                const bool upper = a <= b;
+                const auto* block =
+                    &c.exchange.body_matrix[36 * std::size_t(upper ? a * c.slot_capacity + b : b * c.slot_capacity + a) * W];
+                for (int k = 0; k < 36; ++k)
+                    A(body_a.row + (upper ? k / 6 : k % 6), body_b.row + (upper ? k % 6 : k / 6)) += block[k * W + lane];
+            });
+        });
+    });
+    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factor(A);
+    if (factor.info() != Eigen::Success) {
+        island.bad_pivots += 1;
+        for (int b : island.bodies) s.bodies[b].added.setZero();
+        return;
+    }
+    auto solution = s.rhs.head(n);
+    factor.solveInPlace(solution);
+    for (int b : island.bodies) s.bodies[b].added = s.rhs.segment<6>(s.bodies[b].row);
+}
+
+/// Solves for the lanes' and bodies' parts of the direction, or of an addition to it.
+template <class Condition>
+void solve_direction(Work& w, Condition chosen, bool first) {
+    BodySolve& s = w.s;
+    for_each_chunk(w, chosen, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.condense(c, lanes, first); });
+    for (int i = 0; i < s.island_count; ++i)
+        if (chosen(s.islands[i])) s.islands[i].bad_pivots = 0;
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (chosen(i)) i.bad_pivots += c.exchange.lanes[lane].bad_pivots;
+    });
+    for (int i = 0; i < s.island_count; ++i) {
+        Island& island = s.islands[i];
+        if (!chosen(island)) continue;
+        solve_island(w, island);
+        island.slope = 0;
+        for (int b : island.bodies) {
+            BodyProgress& body = s.bodies[b];
+            body.step = first ? body.added : Motion(body.step + body.added);
+            island.slope += body.step.dot(body.gradient);
+        }
+    }
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (!chosen(i)) return;
+        for (int slot = 0; slot < c.slot_capacity; ++slot)
+            for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = 0;
+        for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
+            for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = b.added[k];
+        });
+    });
+    for_each_chunk(w, chosen, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.direction(c, lanes, first); });
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (chosen(i)) i.slope += c.exchange.lanes[lane].slope;
+    });
+}
+
+/// What contact between objects does at the end of the direction beyond its linearisation.
+void pairs_surprise(Work& w) {
+    for (BodyPair& p : w.s.pairs) {
+        if (p.a < 0) continue;
+        Island& island = island_of_pair(w, p);
+        if (!island.following) continue;
+        // What the last linearisation said, then what it is.
+        auto add = [&](double sign, bool linear) {
+            for (FeatureContact& c : p.contacts)
+                for (const PairTerm& t : c.terms) {
+                    Eigen::Vector3d force = eigen(t.gradient);
+                    if (linear)
+                        for_each_end(w, p, t, [&](BodyProgress& b, const auto& G) {
+                            force += eigen(t.curvature) * (G * b.added);
+                        });
+                    for_each_end(w, p, t, [&](BodyProgress& b, const auto& G) {
+                        b.rhs -= sign * (G.transpose() * force);
+                    });
+                }
+        };
+        add(-1, true);
+        evaluate_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b], island.progress.exactness);
+        add(1, false);
+    }
+}
+
+/// Contacts followed along the direction, as in direction.h.
+void follow_contacts(Work& w) {
+    BodySolve& s = w.s;
+    auto following = [](const Island& i) { return i.following; };
+    bool any_following = false;
+    for (int i = 0; i < s.island_count; ++i) {
+        Island& island = s.islands[i];
+        island.first_slope = island.slope;
+        island.following = island.decision.newton && island.progress.exactness <= 0 && island.slope < 0;
+        for (int b : island.bodies) s.bodies[b].first_step = s.bodies[b].step;
+    }
+    for (int k = 0; k < w.solver.contact_iterations; ++k) {
+        place_bodies(w, true);
+        for (BodyProgress& b : s.bodies) b.rhs.setZero();
+        for_each_chunk(w, following, [](auto& c, const auto& kernel, unsigned lanes) { kernel.surprise(c, lanes); });
+        for (int i = 0; i < s.island_count; ++i) s.islands[i].surprise = 0;
+        for_each_lane(w, [&](auto& c, int lane, Island& i) { i.surprise += c.exchange.lanes[lane].surprise; });
+        pairs_surprise(w);
+        any_following = false;
+        for (int i = 0; i < s.island_count; ++i) {
+            Island& island = s.islands[i];
+            if (!island.following) continue;
+            for (int b : island.bodies)
+                island.surprise += s.bodies[b].rhs.head<3>().squaredNorm() +
+                                   s.bodies[b].rhs.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
+            const double share = w.solver.contact_share * w.solver.contact_share;
+            island.following = island.surprise > share * island.evaluation.residual;
+            any_following |= island.following;
+        }
+        if (!any_following) break;
+        solve_direction(w, following, false);
+    }
+    auto worse = [](const Island& i) { return i.decision.newton && i.first_slope < 0 && !(i.slope < 0); };
+    for_each_chunk(w, worse, [](auto& c, const auto& kernel, unsigned lanes) { kernel.restore(c, lanes); });
+    for (int i = 0; i < s.island_count; ++i)
+        if (worse(s.islands[i])) {
+            s.islands[i].slope = s.islands[i].first_slope;
+            for (int b : s.islands[i].bodies) s.bodies[b].step = s.bodies[b].first_step;
+        }
+}
+
+void newton_step(Work& w) {
+    BodySolve& s = w.s;
+    auto newton = [](const Island& i) { return bool(i.decision.newton); };
+    for (int i = 0; i < s.island_count; ++i)
+        if (newton(s.islands[i])) detail::adapt_damping<double>(s.islands[i].progress, true);
+    for_each_lane(w, [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].damping = i.progress.damping; });
+    for (BodyProgress& b : s.bodies) b.rhs = -b.gradient;
+    // The lanes' part of the bodies' gradient comes with what they condense.
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (!newton(i)) return;
+        for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
+            for (int k = 0; k < 6; ++k) b.rhs[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
+        });
+    });
+    solve_direction(w, newton, true);
+    if (w.solver.contact_iterations > 0) follow_contacts(w);
+    for (int i = 0; i < s.island_count; ++i) {
+        Island& island = s.islands[i];
+        if (!newton(island)) continue;
+        detail::LaneProgress<double>& p = island.progress;
+        const bool unusable = p.exactness > 0 && (island.bad_pivots > 0 || island.slope >= 0);
+        p.iterations += 1;
+        detail::adapt_exactness<double>(p, unusable, !unusable);
+        p.base_energy = unusable ? std::numeric_limits<double>::max() : island.evaluation.energy;
+        p.slope = unusable ? 0 : island.slope;
+        if (!unusable) p.alpha = 1;
+        island.decision.newton = !unusable;
+        if (!unusable)
+            for (int b : island.bodies) s.bodies[b].base = s.bodies[b].pose;
+    }
+}
+
+void move_all(Work& w) {
+    auto moves = [](const Island& i) { return i.decision.newton || i.decision.retry; };
+    for_each_lane(w, [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].alpha = i.progress.alpha; });
+    for (int k = 0; k < int(w.s.coupled.size()); ++k) {
+        const unsigned fresh = lanes_where(w, k, [](const Island& i) { return bool(i.decision.newton); });
+        const unsigned all = lanes_where(w, k, moves);
+        if (all) with_chunk(w, k, [&](auto& c, const auto& kernel) { kernel.move(c, all, fresh); });
+    }
+    for (BodyProgress& b : w.s.bodies) {
+        const Island& i = w.s.islands[b.island];
+        if (moves(i)) b.pose = moved(b.base, b.step, i.progress.alpha);
+    }
+}
+
+void update_all(Work& w) {
+    auto updates = [](const Island& i) { return bool(i.decision.update); };
+    for_each_chunk(w, updates,
+                   [&](auto& c, const auto& kernel, unsigned lanes) { kernel.update(c, w.solver, lanes); });
+    for (BodyPair& p : w.s.pairs)
+        if (p.a >= 0 && updates(island_of_pair(w, p))) update_pair(p);
+    for (int i = 0; i < w.s.island_count; ++i) {
+        detail::LaneProgress<double>& p = w.s.islands[i].progress;
+        if (!updates(w.s.islands[i])) continue;
+        p.updates += 1;
+        p.base_energy = std::numeric_limits<double>::max();
+        p.alpha = 1;
+        p.slope = 0;
+    }
+}
+
+/// Bounces: gives bodies back a share of the speed at which they met.
+void bounce(Work& w) {
+    auto point_velocity = [&](const ContactBody& o, const Vec3<double>& point) {
+        if (o.body < 0) return (1 / w.solver.dt) * (o.pose.position - o.start.position);
+        const RigidBody& body = w.bodies[o.body];
+        return body.velocity + cross(angular_velocity(body, o.pose.rotation), point - o.centre);
+    };
+    for (int sweep = 0; sweep < 4; ++sweep)
+        for (BodyPair& p : w.s.pairs) {
+            if (p.a < 0) continue;
+            const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
+            double restitution = 0;
+            for (const ContactBody* o : {&a, &b})
+                if (o->body >= 0) restitution = std::max(restitution, w.bodies[o->body].restitution);
+            if (restitution <= 0) continue;
+            for (const FeatureContact& c : p.contacts) {
+                if (c.normal_multiplier <= 0 || c.approach < 0.05) continue;
+                const Vec3<double> n = rotation_matrix(b.pose.rotation) * c.normal_now;
+                const Vec3<double> point = a.centre + c.terms[0].arm_of_a;
+                const double speed = dot(point_velocity(a, point) - point_velocity(b, point), n);
+                double give = 0;  // change of that speed by a unit impulse
+                for (const ContactBody* o : {&a, &b}) {
+                    if (o->body < 0) continue;
+                    RigidBody turned = w.bodies[o->body];
+                    const Vec3<double> arm = point - o->centre;
+                    turned.angular_momentum = cross(arm, n);
+                    give += 1 / turned.mass + dot(cross(angular_velocity(turned, o->pose.rotation), arm), n);
+                }
+                const double impulse = (restitution * c.approach - speed) / give;
+                if (impulse <= 0) continue;
+                for (auto [o, sign] : {std::pair{&a, 1.0}, std::pair{&b, -1.0}}) {
+                    if (o->body < 0) continue;
+                    RigidBody& body = w.bodies[o->body];
+                    body.velocity += (sign * impulse / body.mass) * n;
+                    body.angular_momentum += cross(point - o->centre, (sign * impulse) * n);
+                }
+            }
+        }
+}
+
+/// Lanes of a failed island: those that are not finite; where all are, the fault is a body's.
+unsigned failed_lanes(const Work& w, int coupled) {
+    unsigned failed = 0;
+    with_chunk(w, coupled, [&](auto& c, const auto&) {
+        for (int lane = 0; lane < c.width; ++lane) {
+            const int i = island_of(w, coupled, lane);
+            if (i < 0 || !w.s.islands[i].progress.failed) continue;
+            const LaneReport& r = c.exchange.lanes[lane];
+            if (!std::isfinite(r.energy + r.residual + r.pending)) failed |= 1u << lane;
+        }
+    });
+    return failed;
+}
+
+void end_lanes(Work& w) {
+    for (int k = 0; k < int(w.s.coupled.size()); ++k) {
+        const unsigned failed = failed_lanes(w, k);
+        with_chunk(w, k, [&](auto& c, const auto& kernel) {
+            const unsigned lost = kernel.end(c, w.solver, failed);
+            c.asleep = false;
+            for (int lane = 0; lane < c.width; ++lane) {
+                if (island_of(w, k, lane) < 0) continue;
+                const auto& p = w.s.islands[island_of(w, k, lane)].progress;
+                const LaneReport& r = c.exchange.lanes[lane];
+                SkinStatus& s = c.status[lane];
+                s = {};
+                s.newton_iterations = int(p.iterations);
+                s.multiplier_updates = int(p.updates);
+                s.backtracks = int(p.backtracks);
+                s.converged = p.converged;
+                s.reset = (lost >> lane) & 1u;
+                if (s.reset) continue;
+                s.residual_N = std::sqrt(r.residual);
+                s.limit_violation = r.violation;
+                s.penetration_m = r.penetration;
+                s.contact_force_N = r.contact_force;
+                s.limited_elements = int(r.limited);
+            }
+        });
+    }
+}
+
+void end_bodies(Work& w) {
+    for (std::size_t object = 0; object < w.shapes.size(); ++object) {
+        RigidShape& shape = w.shapes[object];
+        if (shape.body < 0) continue;
+        RigidBody& body = w.bodies[shape.body];
+        BodyProgress& b = w.s.bodies[shape.body];
+        const detail::LaneProgress<double>& p = w.s.islands[b.island].progress;
+        body.iterations = int(p.iterations);
+        body.converged = p.converged;
+        const Vec3<double> way = b.pose.position - b.start.position;
+        body.reset = !std::isfinite(dot(way, way) + b.gradient.squaredNorm() + b.pose.rotation.w);
+        if (body.reset) {
+            b.pose = b.start;
+            body.velocity = body.angular_momentum = body.contact_force = body.contact_torque = body.acceleration = {};
+        } else {
+            const Motion contact = b.inertia.gradient - b.gradient;
+            const Vec3<double> before = body.velocity;
+            body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * way;
+            body.acceleration = (1 / w.solver.dt) * (body.velocity - before);
+            for (int k = 0; k < 3; ++k) {
+                body.contact_force[k] = contact[k];
+                body.contact_torque[k] = contact[3 + k];
+                body.angular_momentum[k] += w.solver.inertia ? w.solver.dt * b.inertia.gradient[3 + k] : 0;
+            }
+        }
+        shape.pose = object_pose(body, b.pose);
+    }
+}
+
+}  // namespace
+
+void begin_bodies(const SolverSettings& solver, Table<RigidShape>& shapes, const Table<RigidBody>& bodies) {
+    if (bodies.empty() || !solver.inertia) return;
+    for (RigidShape& shape : shapes)
+        if (shape.body >= 0)
+            shape.pose = object_pose(bodies[shape.body],
+                                     free_flight(bodies[shape.body], centre_pose(bodies[shape.body], shape.previous),
+                                                 {0, 0, 0}, solver.dt));
+}
+
+void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
+                  const std::vector<PairFriction>& pair_frictions, oneapi::tbb::task_arena& arena,
+                  Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve,
+                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks) {
+    if (bodies.empty()) return;
+    Work w{solver, arena, shapes, bodies, solve, double_chunks, float_chunks};
+    find_islands(w, gravity, pair_frictions);
+    auto active = [](const Island& i) { return bool(i.progress.active); };
+    for_each_lane(w, [](auto& c, int lane, const Island&) { c.exchange.lanes[lane] = {}; });
+    place_bodies(w, false);
+    for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
+    while (true) {
+        bool may_step = false, goes_on = false;
+        for (int i = 0; i < solve.island_count; ++i)
+            may_step |= active(solve.islands[i]) && solve.islands[i].progress.iterations < solver.newton_iterations;
+        evaluate_all(w, may_step);
+        bool retry = false, update = false, newton = false;
+        for (int i = 0; i < solve.island_count; ++i) {
+            Island& island = solve.islands[i];
+            if (!active(island)) {
+                island.decision = {};
+                continue;
+            }
+            island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
+            if (island.decision.retry) island.progress.alpha *= 0.5, island.progress.backtracks += 1;
+            retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;
+            goes_on |= active(island);
+        }
+        if (!goes_on) break;
+        if (update) update_all(w);
+        if (newton) newton_step(w);
+        if (newton || retry) move_all(w);
+    }
+    for (BodyPair& p : solve.pairs)
+        if (p.a >= 0) update_pair(p);
+    end_lanes(w);
+    place_bodies(w, false);
+    end_bodies(w);
+    bounce(w);
+}
+
+}  // namespace palpate

@@ -1,0 +1,109 @@
+#pragma once
+// Where an iteration stands and what it does next: of one lane, or of an island of lanes and bodies (R = double).
+
+#include <limits>
+
+#include "engine/skin/chunk.h"
+
+namespace palpate {
+
+template <class R>
+struct Evaluation {
+    R energy{0};          ///< [J]
+    R residual{0};        ///< squared norm of the gradient [N^2]
+    R pending{0};         ///< squared norm of the change of nodal forces that a multiplier update would bring
+                          ///< [N^2]; stresses in equilibrium with themselves do not count
+    R violation{0};       ///< worst relative excess over a strain limit
+    R penetration{0};     ///< worst [m]
+    R contact_force{0};   ///< sum of normal forces [N]
+    R coupling_force{0};  ///< norm of the coupling's force [N]
+    R limited{0};         ///< elements with an active limit
+    R force_floor{ScalarOf<R>(0.01)};  ///< tolerances are relative to no less than this [N]
+};
+
+namespace detail {
+
+/// Where each lane stands in its iteration.
+template <class R>
+struct LaneProgress {
+    MaskOf<R> active;             ///< not finished
+    MaskOf<R> converged, failed;  ///< how it finished
+    R base_energy, slope, alpha;  ///< of the running line search
+    R exactness;                  ///< share of exact curvature in the next Newton matrix
+    R last_excess;                ///< violation over tolerance at the last multiplier update
+    R damping;  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
+    R iterations{0}, updates{0}, backtracks{0};
+};
+
+/// What the lanes do next; each active lane does exactly one of the three.
+template <class R>
+struct LaneDecision {
+    MaskOf<R> retry, update, newton;
+};
+
+template <class R>
+inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    constexpr T eps = std::numeric_limits<T>::epsilon();
+    const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
+    p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
+    p.active = p.active & !p.failed;
+
+    const R slack = R(64 * eps) * absolute(e.energy);
+    const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
+    LaneDecision<R> d;
+    d.retry = p.active & !decreased & ((p.alpha > R(T(1.0 / 64))) | !sound);
+    p.failed = p.failed | (d.retry & (p.alpha < R(T(1e-6))));
+    p.active = p.active & !p.failed;
+    d.retry = d.retry & p.active;
+
+    const R scale = maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
+    const R tolerance = maximum(R(T(s.tolerance)) * scale, rounding);
+    const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, rounding);
+    const R residual = square_root(e.residual), pending = square_root(e.pending);
+    const R gate =
+        select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
+    const MaskOf<R> ready = p.active & !d.retry & (residual <= gate);
+    const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
+                                (e.penetration <= R(T(s.contact_tolerance)));
+    p.converged = p.converged | (ready & satisfied);
+    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations));
+    // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
+    d.update =
+        ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & (p.updates < R(T(4 * s.newton_iterations)));
+    const MaskOf<R> first = p.iterations <= R(0);
+    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
+    p.active = d.retry | d.update | d.newton;
+    return d;
+}
+
+/// Levenberg-Marquardt: a step that the line search had to shorten promised more than the potential held,
+/// mostly because elements turned too far for their linearised stretches, or because contacts and limits
+/// changed. The next one is damped by about the tissue's own stiffness, and less and less where steps fit.
+template <class R>
+inline void adapt_damping(LaneProgress<R>& p, MaskOf<R> lanes) {
+    using T = ScalarOf<R>;
+    const MaskOf<R> stepped = lanes & (p.slope < R(0));
+    const R more = minimum(maximum(R(3) * p.damping, R(1)), R(T(1e6))), less = R(T(0.2)) * p.damping;
+    p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
+}
+
+/// Newton iterations of a step with positive curvature before exact curvature is tried: most steps are
+/// done by then; hard ones, under large limit forces, converge slowly without it. Steps that are not done
+/// after `exact_until` go on with positive curvature alone, which is slower but keeps nearer to the limits.
+inline constexpr int exact_after = 4, exact_until = 100;
+
+/// Less exact curvature where the matrix was indefinite, more where it was not.
+template <class R>
+inline void adapt_exactness(LaneProgress<R>& p, MaskOf<R> indefinite, MaskOf<R> definite) {
+    using T = ScalarOf<R>;
+    const R less = select(p.exactness > R(T(0.05)), R(T(0.25)) * p.exactness, R(0));
+    const R more = minimum(R(1), select(p.exactness > R(0), R(2) * p.exactness, R(1)));
+    p.exactness =
+        select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
+    p.exactness = select((indefinite | definite) & (p.iterations > R(T(exact_until))), R(0), p.exactness);
+}
+
+}  // namespace detail
+
+}  // namespace palpate
