@@ -83,10 +83,11 @@ void evaluate_all(Work& w, bool with_matrix) {
         if (!active(i)) return;
         const LaneReport& r = c.exchange.lanes[lane];
         Evaluation<double>& e = i.evaluation;
+        if (sizeof(c.state.position[0]) < sizeof(double)) e.epsilon = std::numeric_limits<float>::epsilon();
         e.energy += r.energy, e.residual += r.residual, e.pending += r.pending, e.limited += r.limited;
         e.violation = std::max(e.violation, r.violation), e.penetration = std::max(e.penetration, r.penetration);
         e.contact_force += r.contact_force, e.coupling_force = std::max(e.coupling_force, r.coupling_force);
-        i.rounding = std::max(i.rounding, r.rounding);
+        i.rounding += r.rounding;
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
             for (int k = 0; k < 6; ++k) b.gradient[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
         });

@@ -18,6 +18,7 @@ struct Evaluation {
     R contact_force{0};   ///< sum of normal forces [N]
     R coupling_force{0};  ///< norm of the coupling's force [N]
     R limited{0};         ///< elements with an active limit
+    ScalarOf<R> epsilon = std::numeric_limits<ScalarOf<R>>::epsilon();  ///< of the precision it was computed in
     R force_floor{ScalarOf<R>(0.01)};  ///< tolerances are relative to no less than this [N]
 };
 
@@ -44,12 +45,11 @@ struct LaneDecision {
 template <class R>
 inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, LaneProgress<R>& p) {
     using T = ScalarOf<R>;
-    constexpr T eps = std::numeric_limits<T>::epsilon();
     const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
     p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
     p.active = p.active & !p.failed;
 
-    const R slack = R(64 * eps) * absolute(e.energy);
+    const R slack = R(64 * e.epsilon) * absolute(e.energy);
     const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
     LaneDecision<R> d;
     d.retry = p.active & !decreased & ((p.alpha > R(T(1.0 / 64))) | !sound);
