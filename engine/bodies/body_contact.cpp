@@ -11,10 +11,15 @@ std::vector<Feature> features_of(const Shape& shape) {
     switch (shape.kind) {
         case ShapeKind::plane:
             break;
-        case ShapeKind::box:
+        case ShapeKind::box: {
+            // Corners are round, by a little: where boxes of one size lie flush, sharp corners would sit on edges, from
+            // where up is no nearer than out.
+            const double r = std::min(1e-3, 0.05 * std::min({s.x, s.y, s.z}));
+            const Vec3<double> c{s.x - r, s.y - r, s.z - r};
             for (int i = 0; i < 8; ++i)
-                out.push_back({{i & 1 ? s.x : -s.x, i & 2 ? s.y : -s.y, i & 4 ? s.z : -s.z}, 0, {0, 0, 0}, 0});
+                out.push_back({{i & 1 ? c.x : -c.x, i & 2 ? c.y : -c.y, i & 4 ? c.z : -c.z}, r, {0, 0, 0}, 0});
             break;
+        }
         case ShapeKind::sphere:
             out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, 0});
             break;
