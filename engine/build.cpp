@@ -215,6 +215,8 @@ World build_world(const SceneSpec& spec) {
     for (const ObjectSpec& o : spec.objects) {
         const EntityId object = world.objects.create();
         RigidShape& shape = world.shapes.add(object, {o.name, o.shape, o.pose, o.pose, o.friction});
+        shape.mesh = o.mesh;
+        shape.shape.mesh = o.mesh.get();
         if (!o.body) continue;
         shape.body = int(world.bodies.size());
         world.bodies.add(object, *o.body);

@@ -28,7 +28,8 @@ struct ObjectSpec {
     Shape shape;
     Pose<double> pose = Pose<double>::identity();
     double friction = 0;
-    std::optional<RigidBody> body = {};  ///< present: forces move it
+    std::optional<RigidBody> body = {};                ///< present: forces move it
+    std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };
 
 struct ThimbleSpec {

@@ -2,6 +2,7 @@
 // Every component, and the World. The step (step.cpp) lists the systems that read and write them.
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -77,6 +78,7 @@ struct RigidShape {
     Pose<double> previous = Pose<double>::identity();  ///< at the end of the last one
     double friction = 0;  ///< Coulomb coefficient against skin; against another object the geometric mean of both
     int body = -1;        ///< row of its body; -1: fixed or scripted
+    std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };
 
 /// Thimble: contact surface matching for one finger. Result written by match_devices.

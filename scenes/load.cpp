@@ -4,6 +4,7 @@
 #include <set>
 
 #include "meshes/input_error.h"
+#include "meshes/surface.h"
 #include "scenes/finger_mesh.h"
 #include "scenes/scene.h"
 #include "scenes/section.h"
@@ -173,9 +174,23 @@ void read_device(Section s, int finger, Scene& scene) {
     scene.spec.thimbles.push_back(t);
 }
 
-Shape read_shape(Section& s) {
+/// A closed surface from a file as an object's shape.
+void read_object_mesh(Section& s, const std::filesystem::path& folder, ObjectSpec& o) {
+    o.shape.kind = ShapeKind::mesh;
+    const std::string file = s.text("file", ""), unit = s.choice("unit", "mm", {"m", "cm", "mm"});
+    const double smoothing = s.number("smoothing_mm", -1, -1, 100, mm);
+    if (file.empty()) return s.complain("file", "a mesh needs the name of a file (.obj, .stl, .ply, .off)");
+    try {
+        o.mesh = std::make_shared<const DistanceMesh>(
+            build_distance_mesh(read_surface((folder / file).lexically_normal(), unit).surface, smoothing));
+        o.shape.mesh = o.mesh.get();
+    } catch (const InputError& error) {
+        for (const auto& m : error.messages) s.complain("file", m);
+    }
+}
+
+Shape read_shape(Section& s, const std::string& kind) {
     Shape shape;
-    const std::string kind = s.choice("kind", "plane", {"plane", "box", "sphere", "capsule", "cylinder"});
     auto length = [&](const char* key, double least) {
         if (!s.has(key)) s.complain(key, "a " + kind + " needs it");
         return s.number(key, 10, least, 10000, mm);
@@ -233,14 +248,18 @@ void read_pair_frictions(Section& root, Scene& scene) {
     }
 }
 
-void read_objects(Section& root, Scene& scene) {
+void read_objects(Section& root, Scene& scene, const std::filesystem::path& folder) {
     for (Section& s : root.tables("object")) {
         ObjectSpec o;
         o.name = s.text("name", "object " + std::to_string(scene.spec.objects.size()));
-        o.shape = read_shape(s);
+        const std::string kind = s.choice("kind", "plane", {"plane", "box", "sphere", "capsule", "cylinder", "mesh"});
+        if (kind == "mesh")
+            read_object_mesh(s, folder, o);
+        else
+            o.shape = read_shape(s, kind);
         o.pose = read_pose(s);
         o.friction = s.number("friction", 0, 0, 100);
-        read_body(s, o);
+        if (o.shape.kind != ShapeKind::mesh || o.mesh) read_body(s, o);
         auto track = read_track(s);
         if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg")))
             s.complain("position_mm", "an object has either a pose or a track");
@@ -337,7 +356,7 @@ void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
     hand.finish();
     read_recording(root.table("recording"), scene, folder);
     scene.spec.gravity = root.vector("gravity_m_per_s2", {0, 0, -9.81}, 1000);
-    read_objects(root, scene);
+    read_objects(root, scene, folder);
     read_pair_frictions(root, scene);
     read_fingers(root, scene, folder);
     read_solver(root.table("solver"), scene);

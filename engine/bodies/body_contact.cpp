@@ -31,6 +31,9 @@ std::vector<Feature> features_of(const Shape& shape) {
                 for (double angle : {0.0, 2.0943951023931953, -2.0943951023931953})
                     out.push_back({{0, 0, end}, s.x, {0, 0, 1}, angle});
             break;
+        case ShapeKind::mesh:
+            for (const Vec3<double>& p : shape.mesh->support) out.push_back({p, 0, {0, 0, 0}, 0});
+            break;
     }
     return out;
 }
@@ -80,7 +83,7 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
         c.terms[1] = {};
         c.normal_candidate = normal.normal_force;
         c.distance = surface.distance;
-        c.normal_now = transposed_times(R, surface.normal);
+        c.normal_now = (1 / std::max(norm(surface.normal), 1e-6)) * transposed_times(R, surface.normal);
         out.energy += normal.energy;
         out.contact_force += normal.normal_force;
         out.penetration = std::max(out.penetration, -surface.distance);

@@ -19,6 +19,8 @@ double volume_of(const Shape& shape) {
             return pi * s.x * s.x * (2 * s.y + 4.0 / 3 * s.x);
         case ShapeKind::cylinder:
             return pi * s.x * s.x * 2 * s.y;
+        case ShapeKind::mesh:
+            return shape.mesh->volume;
     }
     return 0;
 }
@@ -49,6 +51,10 @@ RigidBody solid_body(const Shape& shape, double mass) {
             moments = {across, across, mass * s.x * s.x / 2};
             break;
         }
+        case ShapeKind::mesh:
+            body.inertia = (mass / shape.mesh->volume) * shape.mesh->inertia;
+            body.mass_centre = shape.mesh->centroid;
+            return body;
     }
     for (int i = 0; i < 3; ++i) body.inertia[i][i] = moments[i];
     return body;

@@ -29,7 +29,7 @@ struct RigidBody {
 
 /// Volume of a shape [m^3]; 0 for a plane.
 double volume_of(const Shape& shape);
-/// A solid body of even density with the mass centre in the shape's origin.
+/// A solid body of even density.
 RigidBody solid_body(const Shape& shape, double mass);
 
 /// Pose of the centre of mass for an object's pose, and back.

@@ -146,6 +146,10 @@ void solve_island(Work& w, Island& island) {
     }
     auto solution = s.rhs.head(n);
     factor.solveInPlace(solution);
+    if (!solution.allFinite()) {  // a lane's matrix was indefinite
+        island.bad_pivots += 1;
+        solution.setZero();
+    }
     for (int b : island.bodies) s.bodies[b].added = s.rhs.segment<6>(s.bodies[b].row);
 }
 
@@ -468,8 +472,11 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
         if (newton) newton_step(w);
         if (newton || retry) move_all(w);
     }
-    for (BodyPair& p : solve.pairs)
-        if (p.a >= 0) update_pair(p);
+    for (BodyPair& p : solve.pairs) {
+        if (p.a < 0) continue;
+        update_pair(p);
+        if (island_of_pair(w, p).progress.failed) std::fill(p.contacts.begin(), p.contacts.end(), FeatureContact{});
+    }
     end_lanes(w);
     place_bodies(w, false);
     end_bodies(w);

@@ -1,18 +1,20 @@
 #pragma once
 // Virtual objects as signed distances with exact normals.
 
+#include "engine/contact/mesh_distance.h"
 #include "engine/ecs/pose.h"
 
 namespace palpate {
 
-enum class ShapeKind { plane, box, sphere, capsule, cylinder };
+enum class ShapeKind { plane, box, sphere, capsule, cylinder, mesh };
 
 /// Dimensions by kind, in the object's frame:
 /// plane: none, surface z = 0, outside z > 0; box: half extents x, y, z; sphere: {radius};
-/// capsule and cylinder: {radius, half length of the axis along z} (a capsule's caps come on top).
+/// capsule and cylinder: {radius, half length of the axis along z} (a capsule's caps come on top); mesh: none.
 struct Shape {
     ShapeKind kind = ShapeKind::plane;
-    Vec3<double> size{0, 0, 0};  ///< [m]
+    Vec3<double> size{0, 0, 0};          ///< [m]
+    const DistanceMesh* mesh = nullptr;  ///< of kind mesh; owned by the object
 };
 
 template <class R>
@@ -71,7 +73,25 @@ inline SurfacePoint<R> cylinder_point(const Vec3<R>& x, const R& radius, const R
 
 }  // namespace detail
 
-/// Distance and normal of the point x, both in the shape's frame.
+namespace detail {
+/// Every lane by itself.
+template <class R>
+inline SurfacePoint<R> mesh_point(const DistanceMesh& mesh, const Vec3<R>& x) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    alignas(64) T values[4 * W];
+    for (int l = 0; l < W; ++l) {
+        const MeshPoint p =
+            mesh_contact_distance(mesh, {double(lane(x.x, l)), double(lane(x.y, l)), double(lane(x.z, l))});
+        values[l] = T(p.distance);
+        values[W + l] = T(p.normal.x), values[2 * W + l] = T(p.normal.y), values[3 * W + l] = T(p.normal.z);
+    }
+    return {load<R>(values), {load<R>(values + W), load<R>(values + 2 * W), load<R>(values + 3 * W)}};
+}
+}  // namespace detail
+
+/// Distance and normal of the point x, both in the shape's frame. Of a mesh, the distance is exact near its surface and
+/// inside (mesh_contact_distance).
 template <class R>
 inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x) {
     const Vec3<R> size{R(ScalarOf<R>(shape.size.x)), R(ScalarOf<R>(shape.size.y)), R(ScalarOf<R>(shape.size.z))};
@@ -88,19 +108,23 @@ inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x)
         }
         case ShapeKind::cylinder:
             return detail::cylinder_point(x, size.x, size.y);
+        case ShapeKind::mesh:
+            return detail::mesh_point(*shape.mesh, x);
     }
     return {x.z, {R(0), R(0), R(1)}};
 }
 
-/// Distance and normal of the point x (world) to a shape at `pose`, the same for all lanes.
-template <class R>
-inline SurfacePoint<R> surface_point(const Shape& shape, const Pose<double>& pose, const Vec3<R>& x) {
-    using T = ScalarOf<R>;
-    const Mat3<double> Rd = rotation_matrix(pose.rotation);
-    Mat3<R> rotation;
-    for (int i = 0; i < 9; ++i) rotation.m[i / 3][i % 3] = R(T(Rd.m[i / 3][i % 3]));
-    const Vec3<R> origin{R(T(pose.position.x)), R(T(pose.position.y)), R(T(pose.position.z))};
-    SurfacePoint<R> s = local_surface_point(shape, transposed_times(rotation, x - origin));
+/// Distance and normal of the point x (world) to a shape at `pose`.
+inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>& pose, const Vec3<double>& x) {
+    const Mat3<double> rotation = rotation_matrix(pose.rotation);
+    const Vec3<double> local = transposed_times(rotation, x - pose.position);
+    SurfacePoint<double> s;
+    if (shape.kind == ShapeKind::mesh) {
+        const MeshPoint p = mesh_surface_distance(*shape.mesh, local);
+        s = {p.distance, p.normal};
+    } else {
+        s = local_surface_point(shape, local);
+    }
     s.normal = rotation * s.normal;
     return s;
 }

@@ -386,7 +386,9 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
                 const Mat3<R> rotation = load_mat3<R>(&c.scratch.slot_frame[24 * std::size_t(slot) * W]);
                 store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
                               transposed_times(rotation, terms.tangential));
-                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], contact.local_normal);
+                // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.
+                const R length = maximum(norm(contact.local_normal), R(T(1e-6)));
+                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], (R(1) / length) * contact.local_normal);
             }
         }
     }

@@ -173,6 +173,15 @@ void paint_object(Painter& painter, const RigidShape& o, const Vector3d& middle)
         case ShapeKind::cylinder:
             profile = {{0, -s.y}, {s.x, -s.y}, {s.x, s.y}, {0, s.y}};
             break;
+        case ShapeKind::mesh:
+            for (const DistanceMesh::Triangle& t : o.mesh->triangles) {
+                std::vector<Vector3d> corners;
+                for (const Vec3<double>& p : {t.corner, t.corner + t.to_second, t.corner + t.to_third})
+                    corners.push_back(place(p.x, p.y, p.z));
+                const Vector3d normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+                if (painter.faces_viewer(normal)) painter.add(corners, "#7fb0d84c", "#3a6ea520");
+            }
+            return;
     }
     paint_revolution(painter, o.pose, profile);
 }

@@ -136,7 +136,8 @@ nlohmann::json thimble_json(const Simulation& s, const Matching& m) {
 }  // namespace
 
 nlohmann::json stage_of(const Simulation& s) {
-    static const char* const kinds[] = {"plane", "box", "sphere", "capsule", "cylinder"};  // as ShapeKind has them
+    // As ShapeKind has them.
+    static const char* const kinds[] = {"plane", "box", "sphere", "capsule", "cylinder", "mesh"};
     nlohmann::json stage{{"title", s.scene.title},
                          {"dt", s.world.solver.dt},
                          {"duration", s.scene.duration},
@@ -144,11 +145,20 @@ nlohmann::json stage_of(const Simulation& s) {
                          {"objects", nlohmann::json::array()},
                          {"thimbles", nlohmann::json::array()}};
     for (const Skin& skin : s.world.skins) stage["fingers"].push_back(finger_json(skin));
-    for (const RigidShape& o : s.world.shapes)
+    for (const RigidShape& o : s.world.shapes) {
         stage["objects"].push_back({{"name", o.name},
                                     {"kind", kinds[int(o.shape.kind)]},
                                     {"size", {o.shape.size.x, o.shape.size.y, o.shape.size.z}},
                                     {"friction", o.friction}});
+        if (!o.mesh) continue;
+        nlohmann::json vertices = nlohmann::json::array(), triangles = nlohmann::json::array();
+        for (const Point& p : o.mesh->surface.vertices)
+            for (double x : p) vertices.push_back(std::round(1e6 * x) / 1e6);
+        for (const auto& t : o.mesh->surface.triangles)
+            for (int i : t) triangles.push_back(i);
+        stage["objects"].back()["vertices"] = vertices;
+        stage["objects"].back()["triangles"] = triangles;
+    }
     for (const Matching& m : s.world.matchings) stage["thimbles"].push_back(thimble_json(s, m));
     return stage;
 }

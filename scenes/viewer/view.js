@@ -107,6 +107,13 @@ function geometryOf(object) {
   if (object.kind === 'plane') return new THREE.PlaneGeometry(240, 240);
   if (object.kind === 'box') return new THREE.BoxGeometry(2 * s[0], 2 * s[1], 2 * s[2]);
   if (object.kind === 'sphere') return new THREE.SphereGeometry(s[0], 48, 32);
+  if (object.kind === 'mesh') {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(object.vertices.map(x => 1e3 * x)), 3));
+    geometry.setIndex(object.triangles);
+    geometry.computeVertexNormals();
+    return geometry;
+  }
   const middle = new THREE.CylinderGeometry(s[0], s[0], 2 * s[1], 48).rotateX(Math.PI / 2);
   if (object.kind === 'capsule')
     for (const side of [-1, 1]) middle.merge(new THREE.SphereGeometry(s[0], 48, 24).translate(0, 0, side * s[1]));

@@ -1,0 +1,337 @@
+#include "engine/contact/mesh_distance.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+namespace palpate {
+
+namespace {
+
+using Vec = Vec3<double>;
+
+constexpr double contact_band = 3e-3;  ///< [m]
+
+Vec vertex(const Surface& s, int i) { return {s.vertices[i][0], s.vertices[i][1], s.vertices[i][2]}; }
+Vec unit(const Vec& a) {
+    const double length = norm(a);
+    return length > 0 ? (1 / length) * a : Vec{0, 0, 1};
+}
+
+/// Faces, edges (sum of both faces) and vertices (weighted by angle).
+void set_normals(DistanceMesh& mesh) {
+    const Surface& s = mesh.surface;
+    std::vector<Vec> of_vertex(s.vertices.size(), {0, 0, 0});
+    std::map<std::array<int, 2>, Vec> of_edge;
+    auto edge = [](int a, int b) { return std::array<int, 2>{std::min(a, b), std::max(a, b)}; };
+    for (const auto& t : s.triangles) {
+        const Vec n = unit(cross(vertex(s, t[1]) - vertex(s, t[0]), vertex(s, t[2]) - vertex(s, t[0])));
+        for (int k = 0; k < 3; ++k) {
+            const Vec a = vertex(s, t[(k + 1) % 3]) - vertex(s, t[k]), b = vertex(s, t[(k + 2) % 3]) - vertex(s, t[k]);
+            of_vertex[t[k]] += std::atan2(norm(cross(a, b)), dot(a, b)) * n;
+            auto [it, fresh] = of_edge.try_emplace(edge(t[k], t[(k + 1) % 3]), n);
+            if (!fresh) it->second += n;
+        }
+    }
+    for (std::size_t i = 0; i < s.triangles.size(); ++i) {
+        const auto& t = s.triangles[i];
+        DistanceMesh::Triangle& out = mesh.triangles[i];
+        std::array<Vec, 7>& normal = mesh.normals[i];
+        out.corner = vertex(s, t[0]);
+        out.to_second = vertex(s, t[1]) - out.corner, out.to_third = vertex(s, t[2]) - out.corner;
+        normal[0] = unit(cross(out.to_second, out.to_third));
+        for (int k = 0; k < 3; ++k) {
+            normal[1 + k] = unit(of_edge[edge(t[k], t[(k + 1) % 3])]);
+            normal[4 + k] = unit(of_vertex[t[k]]);
+        }
+    }
+}
+
+/// Tree over order[begin..end): splits twice at the median of the longest axis.
+int build_tree(DistanceMesh& mesh, std::vector<int>& order, int begin, int end) {
+    auto centre = [&](int t, int axis) {
+        const DistanceMesh::Triangle& k = mesh.triangles[t];
+        return 3 * k.corner[axis] + k.to_second[axis] + k.to_third[axis];
+    };
+    auto split = [&](int from, int to) {
+        Vec low{1e300, 1e300, 1e300}, high = -low;
+        for (int i = from; i < to; ++i)
+            for (int d = 0; d < 3; ++d) {
+                low[d] = std::min(low[d], centre(order[i], d));
+                high[d] = std::max(high[d], centre(order[i], d));
+            }
+        const Vec size = high - low;
+        const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+        const int middle = (from + to) / 2;
+        std::nth_element(order.begin() + from, order.begin() + middle, order.begin() + to,
+                         [&](int a, int b) { return centre(a, axis) < centre(b, axis); });
+        return middle;
+    };
+    const int index = int(mesh.nodes.size());
+    mesh.nodes.emplace_back();
+    const int middle = split(begin, end);
+    const int cut[5] = {begin, split(begin, middle), middle, split(middle, end), end};
+    for (int c = 0; c < 4; ++c) {
+        Vec low{1e30, 1e30, 1e30}, high = -low;
+        for (int i = cut[c]; i < cut[c + 1]; ++i) {
+            const DistanceMesh::Triangle& t = mesh.triangles[order[i]];
+            for (const Vec& p : {t.corner, t.corner + t.to_second, t.corner + t.to_third})
+                for (int d = 0; d < 3; ++d) low[d] = std::min(low[d], p[d]), high[d] = std::max(high[d], p[d]);
+        }
+        for (int d = 0; d < 3; ++d) {  // rounded outward
+            mesh.nodes[index].low[d][c] = std::nextafter(float(low[d]), -1e30f);
+            mesh.nodes[index].high[d][c] = std::nextafter(float(high[d]), 1e30f);
+        }
+        const int count = cut[c + 1] - cut[c];
+        const int child = count > 4 ? build_tree(mesh, order, cut[c], cut[c + 1])
+                          : count > 0 ? ~(8 * cut[c] + count - 1)
+                                      : ~0;
+        mesh.nodes[index].child[c] = child;
+        if (count == 0)
+            for (int d = 0; d < 3; ++d) mesh.nodes[index].low[d][c] = 1e18f, mesh.nodes[index].high[d][c] = 1e18f;
+    }
+    return index;
+}
+
+/// Nearest point of a triangle relative to x, and which of its normals counts (Ericson 2005, section 5.1.5).
+struct Nearest {
+    Vec offset;  ///< from the point to x
+    int feature;
+};
+Nearest nearest_of(const DistanceMesh::Triangle& t, const Vec& x) {
+    const Vec &ab = t.to_second, &ac = t.to_third, ap = x - t.corner;
+    const double d1 = dot(ab, ap), d2 = dot(ac, ap);
+    if (d1 <= 0 && d2 <= 0) return {ap, 4};
+    const Vec bp = ap - ab;
+    const double d3 = dot(ab, bp), d4 = dot(ac, bp);
+    if (d3 >= 0 && d4 <= d3) return {bp, 5};
+    const Vec cp = ap - ac;
+    const double d5 = dot(ab, cp), d6 = dot(ac, cp);
+    if (d6 >= 0 && d5 <= d6) return {cp, 6};
+    const double vc = d1 * d4 - d3 * d2, vb = d5 * d2 - d1 * d6, va = d3 * d6 - d5 * d4;
+    if (vc <= 0 && d1 >= 0 && d3 <= 0) return {ap - (d1 / (d1 - d3)) * ab, 1};
+    if (vb <= 0 && d2 >= 0 && d6 <= 0) return {ap - (d2 / (d2 - d6)) * ac, 3};
+    if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0)
+        return {bp - ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (ac - ab), 2};
+    const double s = 1 / (va + vb + vc);
+    return {ap - (vb * s) * ab - (vc * s) * ac, 0};
+}
+
+void set_mass(DistanceMesh& mesh) {
+    // Sums over tetrahedra between each triangle and the first vertex.
+    const Vec origin = mesh.triangles[0].corner;
+    Vec first{0, 0, 0};
+    Mat3<double> second = Mat3<double>::zero();  // integral of x x'
+    for (const DistanceMesh::Triangle& t : mesh.triangles) {
+        const Vec a = t.corner - origin, b = a + t.to_second, c = a + t.to_third, sum = a + b + c;
+        const double volume = dot(a, cross(b, c)) / 6;
+        mesh.volume += volume;
+        first += (volume / 4) * sum;
+        second = second + (volume / 20) * (outer(a, a) + outer(b, b) + outer(c, c) + outer(sum, sum));
+    }
+    const Vec m = (1 / mesh.volume) * first;
+    mesh.centroid = origin + m;
+    const Mat3<double> about = second - mesh.volume * outer(m, m);
+    mesh.inertia = (about[0][0] + about[1][1] + about[2][2]) * Mat3<double>::identity() - about;
+}
+
+/// Outermost vertices in 162 directions spread evenly (a Fibonacci lattice), the most spread out 64 of them.
+void set_support(DistanceMesh& mesh) {
+    std::vector<int> found;
+    constexpr int directions = 162, most = 64;
+    for (int k = 0; k < directions; ++k) {
+        const double z = 1 - (2 * k + 1.0) / directions, r = std::sqrt(1 - z * z), phi = 2.399963229728653 * k;
+        const Vec d{r * std::cos(phi), r * std::sin(phi), z};
+        int best = 0;
+        for (int i = 1; i < int(mesh.surface.vertices.size()); ++i)
+            if (dot(d, vertex(mesh.surface, i) - vertex(mesh.surface, best)) > 0) best = i;
+        if (std::find(found.begin(), found.end(), best) == found.end()) found.push_back(best);
+    }
+    std::vector<double> nearest(found.size(), 1e300);
+    for (std::size_t next = 0, n = 0; n < std::min<std::size_t>(found.size(), most); ++n) {
+        const Vec p = vertex(mesh.surface, found[next]);
+        mesh.support.push_back(p);
+        for (std::size_t i = 0; i < found.size(); ++i)
+            nearest[i] = std::min(nearest[i], norm(vertex(mesh.surface, found[i]) - p));
+        next = std::size_t(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+    }
+}
+
+/// Nearest triangle to x, starting with a guess.
+struct Found {
+    Vec offset;  ///< from the nearest point to x
+    double distance2;
+    int triangle, feature;
+};
+Found search(const DistanceMesh& mesh, const Vec& x, int guess) {
+    struct Entry {
+        float distance2;
+        int child;
+    };
+    std::array<Entry, 128> stack;
+    int top = 0;
+    stack[top++] = {0, 0};
+    const Nearest first = nearest_of(mesh.triangles[guess], x);
+    Found found{first.offset, dot(first.offset, first.offset), guess, first.feature};
+    const double& best = found.distance2;
+    const float p[3] = {float(x.x), float(x.y), float(x.z)};
+    while (top > 0) {
+        const Entry entry = stack[--top];
+        if (double(entry.distance2) > best) continue;
+        if (entry.child < 0) {
+            const int first = ~entry.child / 8, count = ~entry.child % 8 + 1;
+            for (int i = first; i < first + count; ++i) {
+                const Nearest n = nearest_of(mesh.triangles[i], x);
+                const double d2 = dot(n.offset, n.offset);
+                if (d2 < best) found = {n.offset, d2, i, n.feature};
+            }
+            continue;
+        }
+        const DistanceMesh::Node& node = mesh.nodes[entry.child];
+        std::array<float, 4> d2{};
+        for (int d = 0; d < 3; ++d)
+            for (int c = 0; c < 4; ++c) {
+                const float out = std::max(std::max(node.low[d][c] - p[d], p[d] - node.high[d][c]), 0.0f);
+                d2[c] += out * out;
+            }
+        // Nearest last, so that it is taken first. Boxes are rounded outward, but x is rounded, too.
+        const float bound = best < 1e30 ? float(best) * 1.00001f : 1e30f;
+        const int base = top;
+        for (int c = 0; c < 4; ++c) {
+            const float d = d2[c] * 0.9999f;
+            if (d > bound) continue;
+            int at = top++;
+            for (; at > base && stack[at - 1].distance2 < d; --at) stack[at] = stack[at - 1];
+            stack[at] = {d, node.child[c]};
+        }
+    }
+    return found;
+}
+
+MeshPoint signed_point(const DistanceMesh& mesh, const Found& f) {
+    const Vec& n = mesh.normals[f.triangle][f.feature];
+    const double distance = std::sqrt(f.distance2);
+    if (!(distance > 1e-12)) return {0, n};
+    return dot(f.offset, n) < 0 ? MeshPoint{-distance, (-1 / distance) * f.offset}
+                                : MeshPoint{distance, (1 / distance) * f.offset};
+}
+
+void set_grid(DistanceMesh& mesh, double smoothing) {
+    std::array<Vec, 2> box{Vec{1e300, 1e300, 1e300}, Vec{-1e300, -1e300, -1e300}};
+    double longest = 0;
+    for (int d = 0; d < 3; ++d) {
+        for (const Point& p : mesh.surface.vertices)
+            box[0][d] = std::min(box[0][d], p[d]), box[1][d] = std::max(box[1][d], p[d]);
+        longest = std::max(longest, box[1][d] - box[0][d]);
+    }
+    const double margin = 3 * contact_band;
+    mesh.smooth = smoothing != 0;
+    mesh.cell = std::max(smoothing > 0 ? smoothing : (longest + 2 * margin) / 48, (longest + 2 * margin) / 128);
+    for (int d = 0; d < 3; ++d) {
+        mesh.grid_low[d] = box[0][d] - margin;
+        mesh.cells[d] = int(std::ceil((box[1][d] - box[0][d] + 2 * margin) / mesh.cell));
+    }
+    std::vector<DistanceMesh::Cell> grid;
+    grid.reserve(std::size_t(mesh.cells[0]) * mesh.cells[1] * mesh.cells[2]);
+    for (int k = 0; k < mesh.cells[2]; ++k)
+        for (int j = 0; j < mesh.cells[1]; ++j)
+            for (int i = 0; i < mesh.cells[0]; ++i) {
+                const Found f = search(mesh, mesh.grid_low + mesh.cell * Vec{i + 0.5, j + 0.5, k + 0.5}, 0);
+                grid.push_back({float(signed_point(mesh, f).distance), f.triangle});
+            }
+    mesh.grid = std::move(grid);
+}
+
+/// The cell of the grid that x lies in, or the one nearest to x; `away`: from its centre to x, in cells.
+const DistanceMesh::Cell& cell_at(const DistanceMesh& mesh, const Vec& x, Vec& away) {
+    const Vec relative = (1 / mesh.cell) * (x - mesh.grid_low);
+    std::array<int, 3> cell;
+    for (int d = 0; d < 3; ++d) {
+        cell[d] = int(std::clamp(relative[d], 0.0, mesh.cells[d] - 0.5));
+        away[d] = relative[d] - (cell[d] + 0.5);
+    }
+    return mesh.grid[(std::size_t(cell[2]) * mesh.cells[1] + cell[1]) * mesh.cells[0] + cell[0]];
+}
+
+/// Whether the field's 3x3x3 cells around x are all there.
+bool inside_grid(const DistanceMesh& mesh, const Vec& x) {
+    for (int d = 0; d < 3; ++d) {
+        const double at = (x[d] - mesh.grid_low[d]) / mesh.cell;
+        if (!(at >= 1 && at < mesh.cells[d] - 1)) return false;
+    }
+    return true;
+}
+
+/// Quadratic B-splines over the cells' distances: once continuously differentiable, exact where the distance is linear.
+MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x) {
+    int cell[3];
+    double weight[3][3], slope[3][3];
+    for (int d = 0; d < 3; ++d) {
+        const double at = (x[d] - mesh.grid_low[d]) / mesh.cell;
+        cell[d] = int(at) - 1;
+        const double t = at - int(at) - 0.5;  // from the middle cell's centre
+        weight[d][0] = 0.5 * (0.5 - t) * (0.5 - t), slope[d][0] = t - 0.5;
+        weight[d][1] = 0.75 - t * t, slope[d][1] = -2 * t;
+        weight[d][2] = 0.5 * (0.5 + t) * (0.5 + t), slope[d][2] = t + 0.5;
+    }
+    double distance = 0;
+    Vec gradient{0, 0, 0};
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j) {
+            const auto* row =
+                &mesh.grid[(std::size_t(cell[2] + k) * mesh.cells[1] + cell[1] + j) * mesh.cells[0] + cell[0]];
+            double value = 0, along = 0;
+            for (int i = 0; i < 3; ++i) value += weight[0][i] * row[i].distance, along += slope[0][i] * row[i].distance;
+            const double jk = weight[1][j] * weight[2][k];
+            distance += jk * value;
+            gradient += Vec{jk * along, slope[1][j] * weight[2][k] * value, weight[1][j] * slope[2][k] * value};
+        }
+    return {distance, (1 / mesh.cell) * gradient};
+}
+
+}  // namespace
+
+DistanceMesh build_distance_mesh(const Surface& surface, double smoothing) {
+    DistanceMesh mesh;
+    mesh.surface = surface;
+    mesh.triangles.resize(surface.triangles.size());
+    mesh.normals.resize(surface.triangles.size());
+    set_normals(mesh);
+    set_mass(mesh);
+    std::vector<int> order(mesh.triangles.size());
+    std::iota(order.begin(), order.end(), 0);
+    build_tree(mesh, order, 0, int(order.size()));
+    std::vector<DistanceMesh::Triangle> sorted;
+    std::vector<std::array<Vec, 7>> sorted_normals;
+    for (int i : order) sorted.push_back(mesh.triangles[i]), sorted_normals.push_back(mesh.normals[i]);
+    mesh.triangles = std::move(sorted);
+    mesh.normals = std::move(sorted_normals);
+    set_support(mesh);
+    set_grid(mesh, smoothing);
+    return mesh;
+}
+
+MeshPoint mesh_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
+    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
+    Vec away;
+    return signed_point(mesh, search(mesh, x, cell_at(mesh, x, away).triangle));
+}
+
+MeshPoint mesh_contact_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
+    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
+    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
+    Vec away;
+    const DistanceMesh::Cell& cell = cell_at(mesh, x, away);
+    const double least = cell.distance - mesh.cell * norm(away) - 1e-6;
+    if (least > contact_band) return {least, unit(away)};
+    return signed_point(mesh, search(mesh, x, cell.triangle));
+}
+
+MeshPoint mesh_surface_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
+    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
+    return mesh_distance(mesh, x);
+}
+
+}  // namespace palpate
