@@ -1,0 +1,169 @@
+// Triangle meshes as objects: distance and sign against brute force, the smooth field, mass, and a body of a mesh.
+
+#include <cmath>
+#include <map>
+
+#include "engine/bodies/rigid_body.h"
+#include "engine/step.h"
+#include "meshes/input_error.h"
+#include "meshes/triangle_tree.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+/// The surface of a box of n x n squares a side, blown up towards a sphere by `round` (0: box, 1: sphere).
+Surface box_surface(const Vec3<double>& half, int n, double round = 0) {
+    Surface s;
+    std::map<std::array<int, 3>, int> index;
+    auto vertex = [&](std::array<int, 3> key) {
+        auto [it, fresh] = index.try_emplace(key, int(s.vertices.size()));
+        if (fresh) {
+            Vec3<double> p;
+            for (int d = 0; d < 3; ++d) p[d] = 2.0 * key[d] / n - 1;
+            p = (1 - round + round / norm(p)) * p;
+            s.vertices.push_back({half.x * p.x, half.y * p.y, half.z * p.z});
+        }
+        return it->second;
+    };
+    for (int axis = 0; axis < 3; ++axis)
+        for (int side : {0, n})
+            for (int i = 0; i < n; ++i)
+                for (int j = 0; j < n; ++j) {
+                    auto at = [&](int u, int v) {
+                        std::array<int, 3> key{};
+                        key[axis] = side, key[(axis + 1) % 3] = u, key[(axis + 2) % 3] = v;
+                        return vertex(key);
+                    };
+                    const int a = at(i, j), b = at(i + 1, j), c = at(i + 1, j + 1), d = at(i, j + 1);
+                    if (side)
+                        s.triangles.push_back({a, b, c}), s.triangles.push_back({a, c, d});
+                    else
+                        s.triangles.push_back({a, c, b}), s.triangles.push_back({a, d, c});
+                }
+    return s;
+}
+
+Surface mug() { return read_surface(PALPATE_SOURCE_DIR "/scenes/mug.obj", "mm").surface; }
+
+/// Distance by every triangle, sign by the solid angle that the surface fills (van Oosterom & Strackee 1983).
+double brute_distance(const Surface& s, const Vec3<double>& x) {
+    const Eigen::Vector3d p(x.x, x.y, x.z);
+    double best = 1e300, angle = 0;
+    for (const auto& t : s.triangles) {
+        Eigen::Vector3d c[3];
+        for (int k = 0; k < 3; ++k) c[k] = Eigen::Map<const Eigen::Vector3d>(s.vertices[t[k]].data());
+        best = std::min(best, (nearest_on_triangle(p, c[0], c[1], c[2]) - p).norm());
+        const Eigen::Vector3d a = c[0] - p, b = c[1] - p, d = c[2] - p;
+        const double la = a.norm(), lb = b.norm(), ld = d.norm();
+        angle += 2 * std::atan2(a.dot(b.cross(d)), la * lb * ld + a.dot(b) * ld + b.dot(d) * la + d.dot(a) * lb);
+    }
+    return std::abs(angle) > 2 * M_PI ? -best : best;
+}
+
+TEST(MeshObject, DistanceAndSignAreThoseOfBruteForce) {
+    struct Case {
+        Surface surface;
+        int points;
+    };
+    for (const Case& c : {Case{box_surface({0.02, 0.03, 0.01}, 3), 20000},
+                          Case{box_surface({0.03, 0.03, 0.02}, 5, 0.7), 10000}, Case{mug(), 400}}) {
+        const DistanceMesh mesh = build_distance_mesh(c.surface, 0);
+        const auto box = bounds(c.surface.vertices);
+        std::mt19937 random(5);
+        std::uniform_real_distribution<double> u(-0.3, 1.3);
+        double worst = 0, worst_direction = 0;
+        int wrong_sign = 0;
+        for (int i = 0; i < c.points; ++i) {
+            Vec3<double> x;
+            for (int d = 0; d < 3; ++d) x[d] = box[0][d] + u(random) * (box[1][d] - box[0][d]);
+            const MeshPoint p = mesh_distance(mesh, x);
+            const double expected = brute_distance(c.surface, x);
+            worst = std::max(worst,
+                             std::abs(std::abs(p.distance) - std::abs(expected)) / std::max(1e-6, std::abs(expected)));
+            wrong_sign += (p.distance < 0) != (expected < 0);
+            // The normal leads to the surface.
+            worst_direction = std::max(worst_direction, std::abs(brute_distance(c.surface, x - p.distance * p.normal)));
+            if (c.points < 1000) continue;
+            i += 9;  // brute force is slow
+        }
+        EXPECT_LT(worst, 1e-6);
+        EXPECT_LT(worst_direction, 1e-9);
+        EXPECT_EQ(wrong_sign, 0);
+    }
+}
+
+TEST(MeshObject, TheSmoothFieldIsItsOwnGradientAndNearTheSurface) {
+    const Surface surface = mug();
+    const DistanceMesh mesh = build_distance_mesh(surface);
+    std::mt19937 random(6);
+    std::uniform_real_distribution<double> u(-1, 1);
+    double sum = 0, worst = 0;
+    int count = 0;
+    for (int i = 0; i < 2000; ++i) {
+        const auto& t = mesh.triangles[random() % mesh.triangles.size()];
+        const Vec3<double> on = t.corner + (1.0 / 3) * (t.to_second + t.to_third);
+        const Vec3<double> x = on + 5e-4 * Vec3<double>{u(random), u(random), u(random)};
+        const MeshPoint p = mesh_contact_distance(mesh, x);
+        for (int d = 0; d < 3; ++d) {
+            Vec3<double> high = x, low = x;
+            high[d] += 1e-7, low[d] -= 1e-7;
+            const double slope =
+                (mesh_contact_distance(mesh, high).distance - mesh_contact_distance(mesh, low).distance) / 2e-7;
+            EXPECT_NEAR(slope, p.normal[d], 1e-4);
+        }
+        const double error = std::abs(p.distance - mesh_distance(mesh, x).distance);
+        sum += error, worst = std::max(worst, error), ++count;
+    }
+    std::printf("smooth field of the mug, cells of %.1f mm: %.3f mm off on average, %.2f mm at its edges\n",
+                1e3 * mesh.cell, 1e3 * sum / count, 1e3 * worst);
+    EXPECT_LT(sum / count, 0.15e-3);
+    EXPECT_LT(worst, mesh.cell);
+    // Far out: never too far, never near enough to touch.
+    for (int i = 0; i < 1000; ++i) {
+        const Vec3<double> x{0.3 * u(random), 0.3 * u(random), 0.3 * u(random)};
+        const double exact = mesh_distance(mesh, x).distance, seen = mesh_contact_distance(mesh, x).distance;
+        if (exact > 0.02) {
+            EXPECT_GT(seen, 3e-3);
+            EXPECT_LE(seen, exact + mesh.cell);
+        }
+    }
+}
+
+TEST(MeshObject, MassIsThatOfTheSolid) {
+    const Shape box{ShapeKind::box, {0.01, 0.02, 0.03}};
+    Surface s = box_surface(box.size, 2);
+    for (Point& p : s.vertices) p[0] += 0.1;
+    const DistanceMesh mesh = build_distance_mesh(s);
+    Shape shape;
+    shape.kind = ShapeKind::mesh;
+    shape.mesh = &mesh;
+    const RigidBody a = solid_body(shape, 0.5), b = solid_body(box, 0.5);
+    EXPECT_NEAR(volume_of(shape), volume_of(box), 1e-12);
+    EXPECT_NEAR(a.mass_centre.x, 0.1, 1e-9);
+    for (int i = 0; i < 9; ++i) EXPECT_NEAR(a.inertia.m[i / 3][i % 3], b.inertia.m[i / 3][i % 3], 1e-10);
+}
+
+/// A box of triangles does what a box does: slides, sticks, and lies on the plane.
+TEST(MeshObject, ABoxOfTrianglesSlidesLikeABox) {
+    const Vec3<double> half{0.02, 0.02, 0.01};
+    const auto mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(box_surface(half, 4)));
+    for (double angle : {0.2, 0.6}) {
+        SceneSpec spec;
+        spec.gravity = {9.81 * std::sin(angle), 0, -9.81 * std::cos(angle)};
+        spec.objects.push_back({"plane", {}, Pose<double>::identity(), 0.4});
+        ObjectSpec o{"box", {ShapeKind::mesh, {0, 0, 0}, mesh.get()}, {{0, 0, 0.01}, {1, 0, 0, 0}}, 0.4};
+        o.mesh = mesh;
+        o.body = solid_body(o.shape, 0.1);
+        spec.objects.push_back(o);
+        World world = build_world(spec);
+        oneapi::tbb::task_arena arena(1);
+        for (int k = 0; k < 60; ++k) step(world, arena);
+        const double t = 0.3, a = std::max(0.0, 9.81 * (std::sin(angle) - 0.4 * std::cos(angle)));
+        EXPECT_NEAR(world.shapes[1].pose.position.x, 0.5 * a * t * (t + 0.005), 0.01 * 0.5 * a * t * t + 1e-6);
+        EXPECT_NEAR(world.shapes[1].pose.position.z, 0.01, 1e-5);
+    }
+}
+
+}  // namespace
+}  // namespace palpate
