@@ -58,6 +58,16 @@ struct Skin {
     Pose<double> start = Pose<double>::identity();
 };
 
+/// Contact of one finger with one object.
+struct ObjectContact {
+    int object = -1;                ///< row; -1: none
+    Vec3<double> force{0, 0, 0};    ///< on the skin, world frame [N]
+    double normal_force = 0;        ///< sum over samples [N]
+    double friction_force = 0;      ///< sum of the samples' friction [N]
+    double friction_available = 0;  ///< sum of the samples' Coulomb limits [N]
+    double slip = 0;                ///< way over the object in this step, mean by normal force [m]
+};
+
 /// Finger: its contact this step, written by extract_contact. Arrays are [sample].
 struct ContactSurface {
     std::vector<double> area;            ///< share of the rest surface [m^2], written at load
@@ -68,6 +78,7 @@ struct ContactSurface {
     double normal_force = 0;             ///< sum of normal forces [N]
     double touching_area = 0;            ///< [m^2]
     int touching = 0;
+    std::array<ObjectContact, max_contact_slots> objects;  ///< those near it
 };
 
 /// Object: shape, pose and friction. Fixed, moved by a script before the step, or by its body in the step.

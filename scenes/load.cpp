@@ -252,6 +252,8 @@ void read_objects(Section& root, Scene& scene, const std::filesystem::path& fold
     for (Section& s : root.tables("object")) {
         ObjectSpec o;
         o.name = s.text("name", "object " + std::to_string(scene.spec.objects.size()));
+        if (o.name.find_first_of("/\\\"\n,") != std::string::npos || o.name.empty())
+            s.complain("name", "a name is used for files: no slashes, quotes or commas");
         const std::string kind = s.choice("kind", "plane", {"plane", "box", "sphere", "capsule", "cylinder", "mesh"});
         if (kind == "mesh")
             read_object_mesh(s, folder, o);

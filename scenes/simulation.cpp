@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scenes/grasp.h"
+
 namespace palpate {
 
 namespace {
@@ -84,6 +86,10 @@ Simulation make_simulation(Scene scene, int threads) {
         s.finger_series.push_back(std::move(series));
     }
     s.finger_resets.assign(s.fingers.size(), 0);
+    for (std::size_t b = 0; b < s.world.bodies.size(); ++b) {
+        s.body_series.push_back({body_columns(s), {}});
+        s.body_series.back().reserve(std::min<std::size_t>(steps, 2000000));
+    }
     s.step_series.columns = step_columns;
     s.step_series.reserve(std::min<std::size_t>(steps, 2000000));
     return s;
@@ -111,6 +117,7 @@ void advance(Simulation& s, const StepInputs& inputs) {
     step(w, *s.arena);
     for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
+    record_bodies(s);
     const StepProfile& p = w.profile;
     s.step_series.values.push_back(w.time);
     for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.solve_bodies, p.extract_contact,

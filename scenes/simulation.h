@@ -19,6 +19,7 @@ struct Simulation {
     std::vector<std::unique_ptr<ThimbleLoop>> loops;  ///< per thimble
     std::vector<Series> finger_series;                ///< one row per step
     std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
+    std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
     Series step_series;                               ///< wall time per system, one row per step
 };
 

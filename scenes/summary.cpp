@@ -83,6 +83,7 @@ Summary summarise(const Simulation& s) {
     }
     for (const Coupling& c : s.world.couplings) out.slowed_steps += c.slowed;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) out.fingers.push_back(summarise_finger(s, i));
+    out.bodies = summarise_bodies(s);
     return out;
 }
 
@@ -121,6 +122,7 @@ std::string to_text(const Summary& s) {
             out << "  " << f.name << " diverged and was reset " << f.resets
                 << " times: use smaller steps (dt_ms) or softer coupling\n";
     }
+    out << to_text(s.bodies);
     if (s.rejected_samples)
         out << s.rejected_samples << " tracker samples were rejected (not finite, or older than the last)\n";
     if (s.missing_samples) out << s.missing_samples << " times a finger had no valid tracker sample\n";
@@ -164,6 +166,19 @@ nlohmann::json to_json(const Summary& s) {
             k["thimble"] = f.thimble_mode;
         }
         j["fingers"].push_back(k);
+    }
+    for (const BodySummary& b : s.bodies) {
+        nlohmann::json k{{"name", b.name},         {"held_s", b.held_s},   {"slip_mm", b.slip_mm},
+                         {"drift_mm", b.drift_mm}, {"balance", b.balance}, {"converged_share", b.converged_share},
+                         {"resets", b.resets},     {"grips", nlohmann::json::array()}};
+        if (b.dropped_at_s >= 0) k["dropped_at_s"] = b.dropped_at_s;
+        for (const GripSummary& g : b.grips)
+            k["grips"].push_back({{"finger", g.finger},
+                                  {"mean_N", g.mean_N},
+                                  {"friction_use", g.friction_use},
+                                  {"slip_mm", g.slip_mm},
+                                  {"reserve_N", g.reserve_N}});
+        j["bodies"].push_back(k);
     }
     return j;
 }

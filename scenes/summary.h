@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "scenes/grasp.h"
 #include "scenes/simulation.h"
 
 namespace palpate {
@@ -31,6 +32,7 @@ struct Summary {
     double skin_memory_MB = 0;
     std::int64_t rejected_samples = 0, missing_samples = 0, slowed_steps = 0, crowded = 0;
     std::vector<FingerSummary> fingers;
+    std::vector<BodySummary> bodies;
 };
 
 Summary summarise(const Simulation& simulation);

@@ -10,6 +10,33 @@ Vec3<double> read_vec3(const LaneArray<T>& a, std::size_t index, int width, int 
     return {double(p[0]), double(p[width]), double(p[2 * width])};
 }
 
+/// Force of an object on a sample at x, world; adds to the sums of the object.
+template <class T>
+Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t s, const Vec3<double>& x,
+                          ObjectContact& sums) {
+    const ContactSlot& object = c.slots[slot];
+    const std::size_t i = slot * c.topology->samples.size() + s;
+    const double normal_force = c.state.normal_multiplier[i * c.width + lane];
+    if (normal_force <= 0) return {0, 0, 0};
+    const Vec3<double> normal = surface_point(object.shape, object.pose, x).normal;
+    Vec3<double> force = normal_force * normal;
+    if (c.has_friction && object.friction > 0) {
+        const Vec3<double> friction = read_vec3(c.state.tangential_multiplier, i, c.width, lane);
+        force -= rotation_matrix(object.pose.rotation) * friction;
+        sums.friction_force += norm(friction);
+        sums.friction_available += object.friction * normal_force;
+    }
+    const Vec3<double> before =
+        lane_origin(c, lane) + read_vec3(c.scratch.start_position, c.topology->samples[s], c.width, lane);
+    const Vec3<double> way = rotation_matrix(object.pose.rotation) *
+                             (inverse_transform(object.pose, x) - inverse_transform(object.start, before));
+    const double total = sums.normal_force + normal_force;
+    sums.slip += normal_force / total * (norm(way - dot(way, normal) * normal) - sums.slip);
+    sums.normal_force = total;
+    sums.force += force;
+    return force;
+}
+
 template <class T>
 void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out) {
     const SkinTopology& t = *c.topology;
@@ -23,20 +50,20 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     out.normal_force = out.touching_area = 0;
     out.touching = 0;
     const std::size_t S = t.samples.size();
+    for (int slot = 0; slot < max_contact_slots; ++slot) {
+        out.objects[slot] = {};
+        if (slot < c.slot_capacity) out.objects[slot].object = c.slots[slot].object;
+    }
     for (std::size_t s = 0; s < S; ++s) {
         const Vec3<double> x = node_position(c, t.samples[s], lane);
         Vec3<double> force{0, 0, 0};
         double normal_force = 0;
         for (int slot = 0; slot < c.slot_capacity; ++slot) {
-            const ContactSlot& object = c.slots[slot];
-            if (object.object < 0) continue;
-            const std::size_t i = slot * S + s;
-            const double f = c.state.normal_multiplier[i * W + lane];
-            if (f <= 0) continue;
-            force += f * surface_point(object.shape, object.pose, x).normal;
-            if (c.has_friction && object.friction > 0) 
-                force -= rotation_matrix(object.pose.rotation) * read_vec3(c.state.tangential_multiplier, i, W, lane);
-            normal_force += f;
+            if (c.slots[slot].object < 0) continue;
+            const Vec3<double> f = sample_force(c, lane, slot, s, x, out.objects[slot]);
+            if (c.state.normal_multiplier[(slot * S + s) * W + lane] <= 0) continue;
+            force += f;
+            normal_force += c.state.normal_multiplier[(slot * S + s) * W + lane];
         }
         out.position[s] = inverse_transform(bone, x);
         out.force[s] = force;

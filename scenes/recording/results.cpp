@@ -143,6 +143,8 @@ std::vector<Plot> plots_of(const Simulation& s) {
     const auto time = s.step_series.column("time_s");
     plots[2].curves.push_back({"whole step", time, s.step_series.column("total_us")});
     plots[2].curves.push_back({"skin solve", time, s.step_series.column("solve_skin_us")});
+    if (!s.world.bodies.empty())
+        plots[2].curves.push_back({"skin and bodies", time, s.step_series.column("solve_bodies_us")});
     plots[3].curves.push_back(histogram("whole step", s.step_series.column("total_us")));
     return plots;
 }
@@ -159,6 +161,8 @@ std::vector<fs::path> write_results(const fs::path& folder, const Simulation& s,
         write_nodes(add(name + "_nodes.csv"), s.world, s.fingers[i]);
         write_pad(add(name + ".vtu"), s.world, s.fingers[i]);
     }
+    for (const RigidShape& o : s.world.shapes)
+        if (o.body >= 0) write_csv(add("object_" + o.name + ".csv"), s.body_series[std::size_t(o.body)]);
     write_csv(add("steps.csv"), s.step_series);
     write_svg(add("plots.svg"), plots_of(s));
     write_picture(add("picture.svg"), s);
