@@ -5,6 +5,18 @@
 
 namespace palpate {
 
+namespace {
+
+/// Heights along an axis, ends included, about a diameter apart, at most 17.
+std::vector<double> along_axis(double half_length, double radius) {
+    const int gaps = std::clamp(int(std::ceil(half_length / radius)), 1, 16);
+    std::vector<double> heights;
+    for (int i = 0; i <= gaps; ++i) heights.push_back(half_length * (2.0 * i / gaps - 1));
+    return heights;
+}
+
+}  // namespace
+
 std::vector<Feature> features_of(const Shape& shape) {
     const Vec3<double>& s = shape.size;
     std::vector<Feature> out;
@@ -16,17 +28,21 @@ std::vector<Feature> features_of(const Shape& shape) {
             // where up is no nearer than out.
             const double r = std::min(1e-3, 0.05 * std::min({s.x, s.y, s.z}));
             const Vec3<double> c{s.x - r, s.y - r, s.z - r};
-            for (int i = 0; i < 8; ++i)
-                out.push_back({{i & 1 ? c.x : -c.x, i & 2 ? c.y : -c.y, i & 4 ? c.z : -c.z}, r, {0, 0, 0}, 0});
+            for (int i = -1; i <= 1; ++i)
+                for (int j = -1; j <= 1; ++j)
+                    for (int k = -1; k <= 1; ++k)
+                        if (i || j || k) out.push_back({{i * c.x, j * c.y, k * c.z}, r, {0, 0, 0}, 0});
             break;
         }
         case ShapeKind::sphere:
             out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, 0});
             break;
         case ShapeKind::capsule:
-            for (double end : {-s.y, s.y}) out.push_back({{0, 0, end}, s.x, {0, 0, 0}, 0});
+            for (double z : along_axis(s.y, s.x)) out.push_back({{0, 0, z}, s.x, {0, 0, 0}, 0});
             break;
         case ShapeKind::cylinder:
+            for (double z : along_axis(s.y, s.x))
+                if (std::abs(z) < s.y) out.push_back({{0, 0, z}, s.x, {0, 0, 1}, 0});
             for (double end : {-s.y, s.y})
                 for (double angle : {0.0, 2.0943951023931953, -2.0943951023931953})
                     out.push_back({{0, 0, end}, s.x, {0, 0, 1}, angle});

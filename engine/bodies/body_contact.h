@@ -9,9 +9,9 @@
 
 namespace palpate {
 
-/// A point of an object at which contact with other objects is decided: the corner of a box, the middle of a ball
-/// (radius > 0), the middle of a disc (with its axis), of which the deepest point of the rim counts, or the one `angle`
-/// further round.
+/// A point of an object at which contact with other objects is decided: a corner, edge or face's middle of a box (as a
+/// little ball), the middle of a ball (radius > 0), the middle of a disc (with its axis), of which the deepest point of
+/// the rim counts, or the one `angle` further round. Capsules and cylinders have one about every diameter.
 struct Feature {
     Vec3<double> point{0, 0, 0};  ///< object's frame [m]
     double radius = 0;            ///< [m]
