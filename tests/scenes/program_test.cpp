@@ -8,6 +8,7 @@
 
 #include "meshes/mesh_files.h"
 #include "scenes/compare.h"
+#include "scenes/summary.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -115,6 +116,54 @@ TEST(Program, InterruptedRunsEndInTheRestPoseWithResults) {
                                       " & pid=$!; sleep 0.8; kill -INT $pid; wait $pid; exit $?");
     EXPECT_EQ(o.code, 130) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "out" / "summary.json"));
+}
+
+/// Scenes in which fingers hold something: what the summary must say of it.
+struct GraspCase {
+    std::string scene, body;
+    double held_s, slip_mm;
+    int fingers;
+};
+class EveryGrasp : public ::testing::TestWithParam<GraspCase> {};
+
+TEST_P(EveryGrasp, IsHeldWithoutSlipOrCreep) {
+    const GraspCase& expected = GetParam();
+    Simulation s = make_simulation(load_scene(scenes + expected.scene + ".toml"), 2);
+    const std::atomic<bool> stop{false};
+    run(s, stop, {});
+    const Summary summary = summarise(s);
+    ASSERT_EQ(summary.bodies.size(), 1u);
+    const BodySummary& b = summary.bodies[0];
+    EXPECT_EQ(b.name, expected.body);
+    EXPECT_GT(b.held_s, expected.held_s);
+    EXPECT_LT(b.slip_mm, expected.slip_mm);
+    EXPECT_LT(b.balance, 1e-4);
+    EXPECT_LT(b.dropped_at_s, 0);
+    EXPECT_EQ(int(b.grips.size()), expected.fingers);
+    EXPECT_EQ(b.resets, 0);
+    EXPECT_GE(b.converged_share, 0.97);
+    EXPECT_LT(b.drift_mm, expected.scene == "pen" ? 1 : 0.01);
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        EXPECT_EQ(s.finger_resets[i], 0);
+        for (double v : s.finger_series[i].column("limit_violation")) EXPECT_LE(v, 1e-3);
+    }
+}
+INSTANTIATE_TEST_SUITE_P(Scenes, EveryGrasp,
+                         ::testing::Values(GraspCase{"pinch", "cube", 1.7, 0.1, 2},
+                                           GraspCase{"hold_ball", "ball", 2.2, 0.1, 5},
+                                           GraspCase{"hold_mug", "mug", 2.1, 0.2, 5},
+                                           GraspCase{"egg", "egg", 2.0, 0.2, 2}, GraspCase{"pen", "pen", 2.7, 0.5, 2},
+                                           GraspCase{"two_hands", "box", 1.6, 0.1, 10},
+                                           GraspCase{"recorded_grasp", "ball", 0.8, 0.2, 2}),
+                         [](const auto& i) { return i.param.scene; });
+
+TEST(Program, SaysWhatSlipsAndWhatIsDropped) {
+    ScratchFolder scratch;
+    const Outcome o = palpate_program("run " + scenes + "egg.toml --set object.egg.friction=0.3 --out " +
+                                      (scratch.path / "out").string());
+    EXPECT_EQ(o.code, 0);
+    EXPECT_NE(o.out.find("egg slipped through the fingers"), std::string::npos) << o.out;
+    EXPECT_TRUE(std::filesystem::exists(scratch.path / "out" / "object_egg.csv"));
 }
 
 class EveryScene : public ::testing::TestWithParam<std::string> {};
