@@ -133,7 +133,7 @@ void prepare_bodies(World& world) {
     s.parent.resize(bodies + 16 * chunks);
     s.lane_island.resize(16 * chunks);
     s.coupled.reserve(chunks);
-    s.islands.resize(bodies + 16 * chunks);
+    s.islands.resize(bodies + 16 * chunks + 1);
     for (Island& i : s.islands) i.bodies.reserve(bodies);
     s.matrix.setZero(6 * bodies, 6 * bodies);
     s.rhs.setZero(6 * bodies);

@@ -25,9 +25,11 @@ std::vector<Feature> features_of(const Shape& shape);
 /// An object as contact between objects sees it.
 struct ContactBody {
     const Shape* shape = nullptr;
-    Pose<double> start, pose;           ///< of the object, at the beginning of the step and now
-    Vec3<double> centre{0, 0, 0};       ///< of mass, now; what its motions turn about
-    int body = -1;                      ///< row of its body; -1: fixed or scripted
+    Pose<double> start, pose;      ///< of the object, at the beginning of the step and now
+    Vec3<double> centre{0, 0, 0};  ///< of mass, now; what its motions turn about
+    int body = -1;                 ///< row of its body; -1: fixed or scripted
+    double speed = 0;              ///< of its fastest point, before the step [m/s]
+    bool still = false;            ///< asleep, or fixed
 };
 
 /// One push on both objects of a pair: a gradient and curvature at one point.
@@ -39,25 +41,25 @@ struct PairTerm {
 
 /// A feature of object a against object b.
 struct FeatureContact {
-    double normal_multiplier = 0;                                ///< [N]
-    Vec3<double> tangential_multiplier{0, 0, 0};                 ///< b's frame [N]
-    double friction_radius = 0;                                  ///< [N]
-    Vec3<double> friction_normal{0, 0, 0};                       ///< b's frame
-    Vec3<double> point_of_a{0, 0, 0}, point_of_b{0, 0, 0};       ///< what touched at the start, each in its frame
-    double normal_candidate = 0;                                 ///< at the last evaluation
-    Vec3<double> tangential_candidate{0, 0, 0};                  ///< b's frame
-    Vec3<double> normal_now{0, 0, 0};                            ///< b's frame
-    double distance = 0;                                         ///< [m]
-    double approach = 0;                                         ///< speed of approach at the start [m/s]
-    std::array<PairTerm, 2> terms;                               ///< normal, friction
+    double normal_multiplier = 0;                           ///< [N]
+    Vec3<double> tangential_multiplier{0, 0, 0};            ///< b's frame [N]
+    double friction_radius = 0;                             ///< [N]
+    Vec3<double> friction_normal{0, 0, 0};                  ///< b's frame
+    Vec3<double> point_of_a{0, 0, 0}, point_of_b{0, 0, 0};  ///< what touched at the start, each in its frame
+    double normal_candidate = 0;                            ///< at the last evaluation
+    Vec3<double> tangential_candidate{0, 0, 0};             ///< b's frame
+    Vec3<double> normal_now{0, 0, 0};                       ///< b's frame
+    double distance = 0;                                    ///< [m]
+    double approach = 0;                                    ///< speed of approach at the start [m/s]
+    std::array<PairTerm, 2> terms;                          ///< normal, friction
 };
 
 /// Two objects near each other: `a` brings the features.
 struct BodyPair {
-    int a = -1, b = -1;    ///< rows of objects; -1: unused
-    double friction = 0;   ///< Coulomb coefficient
-    double penalty = 2e5;  ///< [N/m]
-    bool near = false;     ///< found near in this step
+    int a = -1, b = -1;                    ///< rows of objects; -1: unused
+    double friction = 0;                   ///< Coulomb coefficient
+    double penalty = 2e5;                  ///< [N/m]
+    bool near = false;                     ///< found near in this step
     std::vector<FeatureContact> contacts;  ///< [feature of a]
 };
 

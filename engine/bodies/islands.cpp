@@ -24,18 +24,19 @@ void find_coupled_chunks(BodyWork& w) {
 void set_object(BodyWork& w, int object) {
     const RigidShape& shape = w.shapes[object];
     ContactBody& o = w.s.objects[object];
-    o = {&shape.shape, shape.previous, shape.pose, shape.pose.position, shape.body};
-    if (shape.body < 0) return;
+    o = {&shape.shape, shape.previous, shape.pose, shape.pose.position, shape.body, 0, false};
+    if (shape.body < 0) {
+        const Quaternion<double> turn = shape.pose.rotation * conjugate(shape.previous.rotation);
+        o.speed = norm(shape.pose.position - shape.previous.position) / w.solver.dt;
+        o.still = o.speed <= 0 && norm(turn.vector()) <= 1e-15;
+        return;
+    }
     const BodyProgress& b = w.s.bodies[shape.body];
-    o.pose = object_pose(w.bodies[shape.body], b.pose);
+    const RigidBody& body = w.bodies[shape.body];
+    o.pose = object_pose(body, b.pose);
     o.centre = b.pose.position;
-}
-
-double speed_of(const BodyWork& w, int object) {
-    const RigidShape& shape = w.shapes[object];
-    if (shape.body < 0) return norm(shape.pose.position - shape.previous.position) / w.solver.dt;
-    return norm(w.bodies[shape.body].velocity) + norm(angular_velocity(w.bodies[shape.body], shape.pose.rotation)) *
-                                                     w.s.reach[object];
+    o.still = body.asleep;
+    if (!o.still) o.speed = norm(body.velocity) + norm(angular_velocity(body, o.pose.rotation)) * body.size;
 }
 
 bool may_touch(const BodyWork& w, int a, int b) {
@@ -43,8 +44,8 @@ bool may_touch(const BodyWork& w, int a, int b) {
     if (a == b || (w.shapes[a].body < 0 && w.shapes[b].body < 0)) return false;
     // A ball's one feature is exact against anything; the other's points against it would count the contact twice.
     if (kind_b == ShapeKind::sphere && (kind_a != ShapeKind::sphere || a > b)) return false;
-    const double way = 1e-3 + 2 * w.solver.dt * (speed_of(w, a) + speed_of(w, b)) + 20 * w.solver.dt * w.solver.dt;
     const ContactBody &of_a = w.s.objects[a], &of_b = w.s.objects[b];
+    const double way = 1e-3 + 2 * w.solver.dt * (of_a.speed + of_b.speed) + 20 * w.solver.dt * w.solver.dt;
     if (norm(of_a.centre - of_b.centre) > w.s.reach[a] + w.s.reach[b] + way) return false;
     return surface_point(*of_b.shape, of_b.pose, of_a.centre).distance < w.s.reach[a] + way;
 }
@@ -80,8 +81,13 @@ void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
         for (BodyPair* p = first; p != last; ++p) p->near = false;
         if (w.s.features[a].empty()) continue;
         for (int b = 0; b < int(w.shapes.size()); ++b) {
+            auto holds_b = [&](const BodyPair& q) { return q.a >= 0 && q.b == b; };
+            if (w.s.objects[a].still && w.s.objects[b].still) {  // as it was
+                if (BodyPair* p = std::find_if(first, last, holds_b); p != last) p->near = true;
+                continue;
+            }
             if (!may_touch(w, a, b)) continue;
-            BodyPair* p = std::find_if(first, last, [&](const BodyPair& q) { return q.a >= 0 && q.b == b; });
+            BodyPair* p = std::find_if(first, last, holds_b);
             if (p == last) {
                 p = std::find_if(first, last, [](const BodyPair& q) { return q.a < 0; });
                 if (p == last) continue;
@@ -111,14 +117,39 @@ void unite(std::vector<int>& parent, int a, int b) {
     parent[std::max(a, b)] = std::min(a, b);
 }
 
-/// Groups lanes and bodies that may touch.
+/// Wakes bodies that something has come near to, and those that touch them.
+void wake(BodyWork& w) {
+    auto rouse = [&](int object) {
+        RigidBody& body = w.bodies[w.shapes[object].body];
+        body.asleep = false;
+        body.still_steps = 0;
+        w.s.objects[object].still = false;
+    };
+    for (int k = 0; k < int(w.s.coupled.size()); ++k)
+        with_chunk(w, k, [&](auto& c, const auto&) {
+            for (const ContactSlot& slot : c.slots)
+                if (slot.object >= 0 && slot.body >= 0 && w.bodies[slot.body].asleep) rouse(slot.object);
+        });
+    for (bool again = true; again;) {
+        again = false;
+        for (const BodyPair& p : w.s.pairs) {
+            if (p.a < 0 || w.s.objects[p.a].still == w.s.objects[p.b].still) continue;
+            const int still = w.s.objects[p.a].still ? p.a : p.b;
+            if (w.shapes[still].body < 0) continue;
+            rouse(still);
+            again = true;
+        }
+    }
+}
+
+/// Groups lanes and bodies that may touch. Sleeping bodies share an island in which nothing is done.
 void group(BodyWork& w) {
     BodySolve& s = w.s;
     const int bodies = int(w.bodies.size());
     const int count = bodies + 16 * int(s.coupled.size());
     for (int i = 0; i < count; ++i) s.parent[i] = i;
     for (const BodyPair& p : s.pairs)
-        if (p.a >= 0 && w.shapes[p.a].body >= 0 && w.shapes[p.b].body >= 0)
+        if (p.a >= 0 && !w.s.objects[p.a].still && w.shapes[p.a].body >= 0 && w.shapes[p.b].body >= 0)
             unite(s.parent, w.shapes[p.a].body, w.shapes[p.b].body);
     for (int k = 0; k < int(s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
@@ -144,7 +175,16 @@ void group(BodyWork& w) {
         }
         return r < bodies ? s.bodies[r].island : s.lane_island[r - bodies];
     };
+    Island& sleepers = s.islands.back();
+    sleepers.progress = {};
+    sleepers.progress.active = sleepers.progress.failed = false;
+    sleepers.progress.converged = true;
+    sleepers.decision = {};
     for (int b = 0; b < bodies; ++b) {
+        if (w.bodies[b].asleep) {
+            s.bodies[b].island = int(s.islands.size()) - 1;
+            continue;
+        }
         s.bodies[b].island = island(b);
         s.bodies[b].row = 6 * int(s.islands[s.bodies[b].island].bodies.size());
         s.islands[s.bodies[b].island].bodies.push_back(b);
@@ -171,7 +211,10 @@ void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<Pa
         RigidBody& body = w.bodies[shape.body];
         if (!w.solver.inertia) body.velocity = body.angular_momentum = {0, 0, 0};
         BodyProgress& b = w.s.bodies[shape.body];
-        b.start = centre_pose(body, shape.previous);
+        const Pose<double> start = centre_pose(body, shape.previous);
+        // Moved from outside: it has to look where it is.
+        if (body.asleep && norm(start.position - b.pose.position) > 1e-9) body.asleep = false, body.still_steps = 0;
+        b.start = start;
         b.target = free_flight(body, b.start, gravity, w.solver.dt);
         b.base = b.pose = centre_pose(body, shape.pose);
         b.step.setZero();
@@ -179,6 +222,7 @@ void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<Pa
     for (std::size_t object = 0; object < w.shapes.size(); ++object) set_object(w, int(object));
     find_coupled_chunks(w);
     find_pairs(w, pair_frictions);
+    wake(w);
     group(w);
 }
 

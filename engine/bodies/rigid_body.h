@@ -25,6 +25,8 @@ struct RigidBody {
     Vec3<double> acceleration{0, 0, 0};           ///< of the centre of mass in the last step [m/s^2]
     int iterations = 0;                           ///< of the last step
     bool converged = true, reset = false;         ///< how the last step ended
+    int still_steps = 0;                          ///< steps for which all that it touches has not moved
+    bool asleep = false;                          ///< at rest, far from fingers: skipped until something comes near
 };
 
 /// Volume of a shape [m^3]; 0 for a plane.
@@ -70,7 +72,8 @@ struct BodyTerms {
 
 /// Inertia of implicit Euler: the pull towards `target`, E = m/2dt^2 |p - p^|^2 + 1/2dt^2 theta' I theta with
 /// theta = 2 vec(conj(q^) q), the turn from the target in the object's frame.
-inline BodyTerms body_inertia(const RigidBody& body, const Pose<double>& target, const Pose<double>& centre, double dt) {
+inline BodyTerms body_inertia(const RigidBody& body, const Pose<double>& target, const Pose<double>& centre,
+                              double dt) {
     const double rate2 = 1 / (dt * dt);
     BodyTerms t;
     const Vec3<double> d = centre.position - target.position;

@@ -52,7 +52,8 @@ void evaluate_all(Work& w, bool with_matrix) {
     for (int i = 0; i < s.island_count; ++i)
         if (active(s.islands[i])) s.islands[i].evaluation = {}, s.islands[i].rounding = 0;
     place_bodies(w, false);
-    for_each_lane(w, [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
+    for_each_lane(w,
+                  [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
     for_each_chunk(w, active,
                    [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver, with_matrix); });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
@@ -132,9 +133,11 @@ void solve_island(Work& w, Island& island) {
             for_each_body_of(w, c, lane, [&](int b, BodyProgress& body_b) {
                 const bool upper = a <= b;
                 const auto* block =
-                    &c.exchange.body_matrix[36 * std::size_t(upper ? a * c.slot_capacity + b : b * c.slot_capacity + a) * W];
+                    &c.exchange
+                         .body_matrix[36 * std::size_t(upper ? a * c.slot_capacity + b : b * c.slot_capacity + a) * W];
                 for (int k = 0; k < 36; ++k)
-                    A(body_a.row + (upper ? k / 6 : k % 6), body_b.row + (upper ? k % 6 : k / 6)) += block[k * W + lane];
+                    A(body_a.row + (upper ? k / 6 : k % 6), body_b.row + (upper ? k % 6 : k / 6)) +=
+                        block[k * W + lane];
             });
         });
     });
@@ -203,9 +206,8 @@ void pairs_surprise(Work& w) {
                         for_each_end(w, p, t, [&](BodyProgress& b, const auto& G) {
                             force += eigen(t.curvature) * (G * b.added);
                         });
-                    for_each_end(w, p, t, [&](BodyProgress& b, const auto& G) {
-                        b.rhs -= sign * (G.transpose() * force);
-                    });
+                    for_each_end(w, p, t,
+                                 [&](BodyProgress& b, const auto& G) { b.rhs -= sign * (G.transpose() * force); });
                 }
         };
         add(-1, true);
@@ -303,8 +305,7 @@ void move_all(Work& w) {
 
 void update_all(Work& w) {
     auto updates = [](const Island& i) { return bool(i.decision.update); };
-    for_each_chunk(w, updates,
-                   [&](auto& c, const auto& kernel, unsigned lanes) { kernel.update(c, w.solver, lanes); });
+    for_each_chunk(w, updates, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.update(c, w.solver, lanes); });
     for (BodyPair& p : w.s.pairs)
         if (p.a >= 0 && updates(island_of_pair(w, p))) update_pair(p);
     for (int i = 0; i < w.s.island_count; ++i) {
@@ -405,6 +406,10 @@ void end_bodies(Work& w) {
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[shape.body];
         BodyProgress& b = w.s.bodies[shape.body];
+        if (body.asleep) {
+            body.iterations = 0;
+            continue;
+        }
         const detail::LaneProgress<double>& p = w.s.islands[b.island].progress;
         body.iterations = int(p.iterations);
         body.converged = p.converged;
@@ -428,15 +433,42 @@ void end_bodies(Work& w) {
     }
 }
 
+/// Bodies whose whole island has been at rest for a while, without a finger near, fall asleep.
+void put_to_sleep(Work& w) {
+    constexpr int long_enough = 20;
+    for (int i = 0; i < w.s.island_count; ++i) {
+        Island& island = w.s.islands[i];
+        bool still = island.progress.converged && w.solver.inertia && w.solver.sleep_speed > 0;
+        for (int b : island.bodies) {
+            const RigidBody& body = w.bodies[b];
+            const double spin = norm(angular_velocity(body, w.s.bodies[b].pose.rotation));
+            still = still && norm(body.velocity) + spin * body.size < w.solver.sleep_speed;
+        }
+        island.following = still;
+    }
+    for_each_lane(w, [](auto&, int, Island& i) { i.following = false; });
+    for (const BodyPair& p : w.s.pairs)  // on something that moves
+        if (p.a >= 0)
+            for (int object : {p.a, p.b})
+                if (w.shapes[object].body < 0 && !w.s.objects[object].still) island_of_pair(w, p).following = false;
+    for (int i = 0; i < w.s.island_count; ++i)
+        for (int b : w.s.islands[i].bodies) {
+            RigidBody& body = w.bodies[b];
+            body.still_steps = w.s.islands[i].following ? body.still_steps + 1 : 0;
+            body.asleep = body.still_steps >= long_enough;
+            if (body.asleep) body.velocity = body.angular_momentum = body.acceleration = {0, 0, 0};
+        }
+}
+
 }  // namespace
 
 void begin_bodies(const SolverSettings& solver, Table<RigidShape>& shapes, const Table<RigidBody>& bodies) {
     if (bodies.empty() || !solver.inertia) return;
     for (RigidShape& shape : shapes)
         if (shape.body >= 0)
-            shape.pose = object_pose(bodies[shape.body],
-                                     free_flight(bodies[shape.body], centre_pose(bodies[shape.body], shape.previous),
-                                                 {0, 0, 0}, solver.dt));
+            shape.pose = object_pose(
+                bodies[shape.body],
+                free_flight(bodies[shape.body], centre_pose(bodies[shape.body], shape.previous), {0, 0, 0}, solver.dt));
 }
 
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
@@ -481,6 +513,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     place_bodies(w, false);
     end_bodies(w);
     bounce(w);
+    put_to_sleep(w);
 }
 
 }  // namespace palpate

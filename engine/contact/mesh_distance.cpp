@@ -85,7 +85,7 @@ int build_tree(DistanceMesh& mesh, std::vector<int>& order, int begin, int end) 
             mesh.nodes[index].high[d][c] = std::nextafter(float(high[d]), 1e30f);
         }
         const int count = cut[c + 1] - cut[c];
-        const int child = count > 4 ? build_tree(mesh, order, cut[c], cut[c + 1])
+        const int child = count > 4   ? build_tree(mesh, order, cut[c], cut[c + 1])
                           : count > 0 ? ~(8 * cut[c] + count - 1)
                                       : ~0;
         mesh.nodes[index].child[c] = child;
@@ -113,8 +113,7 @@ Nearest nearest_of(const DistanceMesh::Triangle& t, const Vec& x) {
     const double vc = d1 * d4 - d3 * d2, vb = d5 * d2 - d1 * d6, va = d3 * d6 - d5 * d4;
     if (vc <= 0 && d1 >= 0 && d3 <= 0) return {ap - (d1 / (d1 - d3)) * ab, 1};
     if (vb <= 0 && d2 >= 0 && d6 <= 0) return {ap - (d2 / (d2 - d6)) * ac, 3};
-    if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0)
-        return {bp - ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (ac - ab), 2};
+    if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return {bp - ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (ac - ab), 2};
     const double s = 1 / (va + vb + vc);
     return {ap - (vb * s) * ab - (vc * s) * ac, 0};
 }

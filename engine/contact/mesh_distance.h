@@ -1,7 +1,7 @@
 #pragma once
 // Signed distance to a closed triangle mesh. Exact: nearest triangle by a tree of boxes, sign and normal by the
-// pseudonormal of the nearest face, edge or vertex (Baerentzen & Aanaes 2005). For contact: a smooth field, because where
-// nodes rest on the edges between facets, normals jump, and the solve chatters.
+// pseudonormal of the nearest face, edge or vertex (Baerentzen & Aanaes 2005). For contact: a smooth field, because
+// where nodes rest on the edges between facets, normals jump, and the solve chatters.
 
 #include <vector>
 
@@ -23,8 +23,8 @@ struct DistanceMesh {
     std::vector<Triangle> triangles;
     std::vector<std::array<Vec3<double>, 7>> normals;  ///< [triangle] face; edges 12, 23, 31; corners 1, 2, 3
     std::vector<Node> nodes;
-    /// Exact distance and nearest triangle at the centres of a grid of cells. Quadratic B-splines over the distances are
-    /// the smooth field; an exact search starts with the triangle.
+    /// Exact distance and nearest triangle at the centres of a grid of cells. Quadratic B-splines over the distances
+    /// are the smooth field; an exact search starts with the triangle.
     struct Cell {
         float distance;
         int triangle;

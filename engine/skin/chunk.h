@@ -58,9 +58,9 @@ struct SkinState {
     LaneArray<T> normal_multiplier;      ///< [slot][sample] [N]
     LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] in the object's frame [N]; empty without friction
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
-    LaneArray<T> friction_normal;        ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
-    LaneArray<T> svd_guess;              ///< [element][3x3] V of the last step: saves Jacobi sweeps
-    LaneArray<T> penalty_scale;          ///< [1] grows where multipliers converge slowly
+    LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
+    LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps
+    LaneArray<T> penalty_scale;    ///< [1] grows where multipliers converge slowly
 };
 
 /// Work memory of a step; nothing in it outlives the step but the candidates, which hold its forces.
@@ -87,8 +87,9 @@ struct SkinScratch {
     LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
     LaneArray<T> normal_candidate;      ///< [slot][sample] normal force [N]
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]
-    LaneArray<T> contact_normal;        ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
-    LaneArray<T> svd;                   ///< [element][3x3] V at the last evaluation
+    LaneArray<T>
+        contact_normal;  ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
+    LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation
 };
 
 /// Elasticity of a chunk (isotropic.h).
@@ -98,20 +99,20 @@ enum class Material { corotational, saint_venant_kirchhoff, neo_hookean };
 struct ContactSlot {
     int object = -1;  ///< row of the object; -1 = empty
     Shape shape;
-    Pose<double> pose;   ///< at the end of the step; of a body: as far as the solve has got
-    Pose<double> start;  ///< at its beginning
-    double friction = 0;        ///< Coulomb coefficient
-    int body = -1;              ///< row of the body that moves it; -1 = fixed or scripted
-    Vec3<double> mass_centre{}; ///< of the body, in the object's frame [m]
-    unsigned near_lanes = 0;    ///< bit per lane that may touch it in this step
+    Pose<double> pose;           ///< at the end of the step; of a body: as far as the solve has got
+    Pose<double> start;          ///< at its beginning
+    double friction = 0;         ///< Coulomb coefficient
+    int body = -1;               ///< row of the body that moves it; -1 = fixed or scripted
+    Vec3<double> mass_centre{};  ///< of the body, in the object's frame [m]
+    unsigned near_lanes = 0;     ///< bit per lane that may touch it in this step
 };
 
 /// One lane's part in an iteration that fingers share with bodies.
 struct LaneReport {
-    double energy = 0, residual = 0, pending = 0, violation = 0, penetration = 0, contact_force = 0,
-           coupling_force = 0, limited = 0;  ///< as in Evaluation
-    double rounding = 0;                     ///< force that rounding of positions makes [N]
-    double slope = 0;                        ///< of the direction [J]
+    double energy = 0, residual = 0, pending = 0, violation = 0, penetration = 0, contact_force = 0, coupling_force = 0,
+           limited = 0;   ///< as in Evaluation
+    double rounding = 0;  ///< force that rounding of positions makes [N]
+    double slope = 0;     ///< of the direction [J]
     double bad_pivots = 0;
     double surprise = 0;  ///< squared norm of what contact did beyond its linearisation [N^2]
     double exactness = 0, alpha = 0, damping = 0, last_excess = 1e300;  ///< orders, per lane: as in LaneProgress

@@ -1,7 +1,8 @@
 #pragma once
 // A chunk's part in a solve that its fingers share with bodies (held objects). The bodies' unknowns y are condensed:
 // with the Newton matrix [H B; B' C], each lane gives C - B' H^-1 B and the like, 6x6 per body that it touches; the
-// bodies are solved on their sum, and the lanes then for themselves. engine/bodies/solve_bodies.cpp calls these in turn.
+// bodies are solved on their sum, and the lanes then for themselves. engine/bodies/solve_bodies.cpp calls these in
+// turn.
 
 #include "engine/skin/kernels.h"
 #include "engine/skin/newton.h"
@@ -30,13 +31,13 @@ inline void for_each_body_slot(const SkinChunk<T>& c, Visit visit) {
 }
 
 template <class R>
-inline R orders(const SkinChunk<ScalarOf<R>>& c, double LaneReport::* field) {
+inline R orders(const SkinChunk<ScalarOf<R>>& c, double LaneReport::*field) {
     alignas(64) ScalarOf<R> values[lane_width<R>];
     for (int l = 0; l < lane_width<R>; ++l) values[l] = ScalarOf<R>(c.exchange.lanes[l].*field);
     return load<R>(values);
 }
 template <class R>
-inline void report(SkinChunk<ScalarOf<R>>& c, double LaneReport::* field, const R& values) {
+inline void report(SkinChunk<ScalarOf<R>>& c, double LaneReport::*field, const R& values) {
     for (int l = 0; l < lane_width<R>; ++l) c.exchange.lanes[l].*field = double(lane(values, l));
 }
 
@@ -128,7 +129,8 @@ inline void solve_columns_forward(SkinChunk<ScalarOf<R>>& c) {
     });
 }
 
-/// Takes Y' Y from the bodies' matrix and Y' y from their right-hand side, Y = columns, y = permuted (both behind L^-1).
+/// Takes Y' Y from the bodies' matrix and Y' y from their right-hand side, Y = columns, y = permuted (both behind
+/// L^-1).
 template <class R>
 inline void condense(SkinChunk<ScalarOf<R>>& c) {
     using T = ScalarOf<R>;
@@ -176,8 +178,8 @@ template <class R>
 void coupled_evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, bool with_matrix) {
     place_slots(c);
     const R exactness = detail::orders<R>(c, &LaneReport::exactness);
-    const Evaluation<R> e = with_matrix ? evaluate<R>(c, settings, exactness)
-                                        : evaluate<R, detail::Want::forces>(c, settings, exactness);
+    const Evaluation<R> e =
+        with_matrix ? evaluate<R>(c, settings, exactness) : evaluate<R, detail::Want::forces>(c, settings, exactness);
     detail::add_body_gradients<R>(c);
     detail::report<R>(c, &LaneReport::energy, e.energy);
     detail::report<R>(c, &LaneReport::residual, e.residual);

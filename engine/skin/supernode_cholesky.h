@@ -126,7 +126,8 @@ inline R factor_supernodes(const SupernodeFactor& f, const BlockPattern& p, cons
 
 /// Solves L y = b in place; b is [column][xyz] in elimination order.
 template <class R>
-inline void solve_supernodes_forward(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b, ScalarOf<R>* work) {
+inline void solve_supernodes_forward(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b,
+                                     ScalarOf<R>* work) {
     using T = ScalarOf<R>;
     using V = typename RowLanes<R>::type;
     constexpr int W = lane_width<V>;

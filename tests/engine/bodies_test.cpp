@@ -236,6 +236,30 @@ TEST(Bodies, AStackOfBoxesStands) {
     }
 }
 
+TEST(Bodies, SleepAtRestAndWakeWhenSomethingComes) {
+    SceneSpec spec;
+    spec.objects.push_back({"plane", {}, Pose<double>::identity(), 0.5});
+    spec.objects.push_back(body(cube, 0.02, {0, 0, 0.01}));
+    spec.objects.push_back(body(cube, 0.02, {0, 0, 0.03}));
+    spec.objects.push_back(body(ball, 0.02, {-0.3, 0, 0.01}));
+    spec.objects[3].body->velocity = {0.5, 0, 0};
+    Lab lab(spec);
+    const World& w = lab.world;
+    lab.run(0.3);
+    EXPECT_TRUE(w.bodies[0].asleep);
+    EXPECT_TRUE(w.bodies[1].asleep);
+    EXPECT_FALSE(w.bodies[2].asleep);
+    EXPECT_NEAR(w.bodies[1].contact_force.z, 0.02 * g, 1e-5);  // still known
+    lab.run(0.7);                                              // the ball has hit the lower cube
+    EXPECT_GT(w.shapes[1].pose.position.x, 1e-4);
+    lab.run(2);
+    EXPECT_TRUE(w.bodies[0].asleep);
+    lab.world.shapes[0].pose.position.z -= 0.05;  // the ground goes
+    lab.run(0.1);
+    EXPECT_FALSE(w.bodies[0].asleep);
+    EXPECT_LT(w.shapes[1].pose.position.z, 0.01 - 0.02);
+}
+
 /// Two blocks of tissue press a body from both sides along y.
 struct Pinch : Lab {
     static SceneSpec spec(const ObjectSpec& object, double dt) {

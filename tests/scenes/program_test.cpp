@@ -157,6 +157,29 @@ INSTANTIATE_TEST_SUITE_P(Scenes, EveryGrasp,
                                            GraspCase{"recorded_grasp", "ball", 0.8, 0.2, 2}),
                          [](const auto& i) { return i.param.scene; });
 
+/// From a gram to five kilograms with the same settings: the fingers of hold_ball, gripping hard.
+TEST(Grasp, HoldsOneGramAndFiveKilogramsAlike) {
+    for (double mass : {0.001, 5.0}) {
+        Scene scene = load_scene(scenes + "hold_ball.toml", {"dt_ms=20", "object.ball.friction=1.2"});
+        for (std::size_t i = 0; i < scene.finger_motions.size(); ++i) {
+            Vec3<double>& p = scene.finger_motions[i].keyframes.back().pose.position;
+            const double reach = i == 0 ? 0.017 : 0.030;  // from the axis; the thumb meets the other four
+            p = (reach / std::hypot(p.x, p.y)) * Vec3<double>{p.x, p.y, 0};
+        }
+        scene.spec.objects[1].body->mass = mass;
+        scene.spec.objects[1].body->inertia = (mass / 0.058) * scene.spec.objects[1].body->inertia;
+        scene.duration = 5;
+        Simulation s = make_simulation(scene, 2);
+        const std::atomic<bool> stop{false};
+        run(s, stop, {});
+        const BodySummary b = summarise(s).bodies[0];
+        EXPECT_GT(b.held_s, 3) << mass;
+        EXPECT_LT(b.drift_mm, 0.05) << mass;
+        EXPECT_LT(b.slip_mm, 1) << mass;
+        EXPECT_EQ(b.resets, 0);
+    }
+}
+
 TEST(Program, SaysWhatSlipsAndWhatIsDropped) {
     ScratchFolder scratch;
     const Outcome o = palpate_program("run " + scenes + "egg.toml --set object.egg.friction=0.3 --out " +
