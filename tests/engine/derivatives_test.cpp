@@ -1,7 +1,9 @@
 // Every energy's gradient and curvature against central differences, relative 1e-6.
 
 #include "engine/bodies/pose_spring.h"
+#include "engine/bodies/rigid_body.h"
 #include "engine/contact/contact_terms.h"
+#include "engine/skin/coupled.h"
 #include "engine/skin/newton.h"
 #include "tests/support.h"
 
@@ -284,6 +286,66 @@ void move(SkinChunk<double>& c, int u, int d, double h) {
         bone.rotation = rotation_step(by) * bone.rotation;
     detail::store_pose<double>(c.state.bone.data(), bone);
     detail::place_bone_nodes<double>(c);
+}
+
+/// What a chunk reports along a body's motions is the gradient of its potential, and its part of the Newton matrix that
+/// of contact, but for the turning of normals, which the solve leaves out.
+TEST(Derivatives, GradientAlongTheMotionsOfABody) {
+    SkinChunk<double> c = scrambled_chunk();
+    const std::size_t S = c.topology->samples.size();
+    c.exchange.centre.resize(3), c.exchange.slot_gradient.resize(3 * S), c.exchange.slot_curvature.resize(9 * S);
+    c.exchange.body_gradient.resize(6), c.exchange.body_matrix.resize(36);
+    c.exchange.columns.resize(18 * c.topology->unknowns.size());
+    const Shape ball{ShapeKind::sphere, {0.02, 0, 0}};
+    c.slots[0].shape = ball;
+    c.slots[0].body = 0;
+    c.slots[0].mass_centre = {0.001, 0.002, -0.003};
+    const Pose<double> pose{{0.001, 0, -0.0205}, normalised(Quaternion<double>{1, 0.1, 0.2, 0.05})};
+    const RigidBody body = [&] {
+        RigidBody b;
+        b.mass_centre = c.slots[0].mass_centre;
+        return b;
+    }();
+    auto energy = [&](const Motion& m, double exactness) {
+        c.slots[0].pose = object_pose(body, moved(centre_pose(body, pose), m, 1));
+        place_slots(c);
+        const double e = evaluate<double>(c, SolverSettings{}, exactness).energy;
+        detail::add_body_gradients<double>(c);
+        return e;
+    };
+    energy(Motion::Zero(), 0);
+    const auto gradient = c.exchange.body_gradient;
+    double scale = 0;
+    for (double g : gradient) scale = std::max(scale, std::abs(g));
+    ASSERT_GT(scale, 0.01);
+    for (int k = 0; k < 6; ++k) {
+        Motion along = Motion::Zero();
+        along[k] = 1e-8;
+        const double high = energy(along, 0), low = energy(-along, 0);
+        EXPECT_NEAR(gradient[k], (high - low) / 2e-8, 1e-6 * scale) << k;
+    }
+    // Translations do not turn normals that do not depend on where they are: against a plane the matrix is exact.
+    c.slots[0].shape = {};
+    c.slots[0].pose = {{0, 0, 0.001}, Quaternion<double>::identity()};
+    place_slots(c);
+    evaluate<double>(c, SolverSettings{}, 1.0);
+    detail::add_body_gradients<double>(c);
+    detail::fill_columns<double>(c);
+    for (int k = 0; k < 3; ++k) {
+        const double h = 1e-8;
+        std::vector<double> slope(6, 0.0);
+        for (double side : {h, -h}) {
+            c.slots[0].pose.position = {0, 0, 0.001};
+            c.slots[0].pose.position[k] += side;
+            place_slots(c);
+            evaluate<double>(c, SolverSettings{}, 1.0);
+            detail::add_body_gradients<double>(c);
+            for (int i = 0; i < 3; ++i) slope[i] += (side > 0 ? 1 : -1) * c.exchange.body_gradient[i] / (2 * h);
+        }
+        for (int i = 0; i < 3; ++i)
+            EXPECT_NEAR(c.exchange.body_matrix[6 * i + k], slope[i], 1e-4 * std::abs(c.exchange.body_matrix[14]))
+                << i << " " << k;
+    }
 }
 
 /// The whole incremental potential: its gradient along every node and along the bone's position and turn.
