@@ -79,4 +79,7 @@ Island& island_of_pair(BodyWork& work, const BodyPair& pair);
 /// Bodies at the start of the step, objects, chunks near bodies, pairs of objects near each other, islands.
 void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions);
 
+/// Takes over where the solve has brought lanes and bodies: velocities and statuses; bounces; puts bodies to sleep.
+void end_body_step(BodyWork& work);
+
 }  // namespace palpate

@@ -1,0 +1,165 @@
+// The end of the bodies' step: velocities, statuses, bounces, sleep.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/bodies/islands.h"
+
+namespace palpate {
+
+namespace {
+
+using Work = BodyWork;
+
+/// Bounces: gives bodies back a share of the speed at which they met.
+void bounce(Work& w) {
+    auto point_velocity = [&](const ContactBody& o, const Vec3<double>& point) {
+        if (o.body < 0) return (1 / w.solver.dt) * (o.pose.position - o.start.position);
+        const RigidBody& body = w.bodies[o.body];
+        return body.velocity + cross(angular_velocity(body, o.pose.rotation), point - o.centre);
+    };
+    for (int sweep = 0; sweep < 4; ++sweep)
+        for (BodyPair& p : w.s.pairs) {
+            if (p.a < 0) continue;
+            const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
+            double restitution = 0;
+            for (const ContactBody* o : {&a, &b})
+                if (o->body >= 0) restitution = std::max(restitution, w.bodies[o->body].restitution);
+            if (restitution <= 0) continue;
+            for (const FeatureContact& c : p.contacts) {
+                if (c.normal_multiplier <= 0 || c.approach < 0.05) continue;
+                const Vec3<double> n = rotation_matrix(b.pose.rotation) * c.normal_now;
+                const Vec3<double> point = a.centre + c.terms[0].arm_of_a;
+                const double speed = dot(point_velocity(a, point) - point_velocity(b, point), n);
+                double give = 0;  // change of that speed by a unit impulse
+                for (const ContactBody* o : {&a, &b}) {
+                    if (o->body < 0) continue;
+                    RigidBody turned = w.bodies[o->body];
+                    const Vec3<double> arm = point - o->centre;
+                    turned.angular_momentum = cross(arm, n);
+                    give += 1 / turned.mass + dot(cross(angular_velocity(turned, o->pose.rotation), arm), n);
+                }
+                const double impulse = (restitution * c.approach - speed) / give;
+                if (impulse <= 0) continue;
+                for (auto [o, sign] : {std::pair{&a, 1.0}, std::pair{&b, -1.0}}) {
+                    if (o->body < 0) continue;
+                    RigidBody& body = w.bodies[o->body];
+                    body.velocity += (sign * impulse / body.mass) * n;
+                    body.angular_momentum += cross(point - o->centre, (sign * impulse) * n);
+                }
+            }
+        }
+}
+
+/// Lanes of a failed island: those that are not finite; where all are, the fault is a body's.
+unsigned failed_lanes(const Work& w, int coupled) {
+    unsigned failed = 0;
+    with_chunk(w, coupled, [&](auto& c, const auto&) {
+        for (int lane = 0; lane < c.width; ++lane) {
+            const int i = island_of(w, coupled, lane);
+            if (i < 0 || !w.s.islands[i].progress.failed) continue;
+            const LaneReport& r = c.exchange.lanes[lane];
+            if (!std::isfinite(r.energy + r.residual + r.pending)) failed |= 1u << lane;
+        }
+    });
+    return failed;
+}
+
+void end_lanes(Work& w) {
+    for (int k = 0; k < int(w.s.coupled.size()); ++k) {
+        const unsigned failed = failed_lanes(w, k);
+        with_chunk(w, k, [&](auto& c, const auto& kernel) {
+            const unsigned lost = kernel.end(c, w.solver, failed);
+            c.asleep = false;
+            for (int lane = 0; lane < c.width; ++lane) {
+                if (island_of(w, k, lane) < 0) continue;
+                const auto& p = w.s.islands[island_of(w, k, lane)].progress;
+                const LaneReport& r = c.exchange.lanes[lane];
+                SkinStatus& s = c.status[lane];
+                s = {};
+                s.newton_iterations = int(p.iterations);
+                s.multiplier_updates = int(p.updates);
+                s.backtracks = int(p.backtracks);
+                s.converged = p.converged;
+                s.reset = (lost >> lane) & 1u;
+                if (s.reset) continue;
+                s.residual_N = std::sqrt(r.residual);
+                s.limit_violation = r.violation;
+                s.penetration_m = r.penetration;
+                s.contact_force_N = r.contact_force;
+                s.limited_elements = int(r.limited);
+            }
+        });
+    }
+}
+
+void end_bodies(Work& w) {
+    for (std::size_t object = 0; object < w.shapes.size(); ++object) {
+        RigidShape& shape = w.shapes[object];
+        if (shape.body < 0) continue;
+        RigidBody& body = w.bodies[shape.body];
+        BodyProgress& b = w.s.bodies[shape.body];
+        if (body.asleep) {
+            body.iterations = 0;
+            continue;
+        }
+        const detail::LaneProgress<double>& p = w.s.islands[b.island].progress;
+        body.iterations = int(p.iterations);
+        body.converged = p.converged;
+        const Vec3<double> way = b.pose.position - b.start.position;
+        body.reset = !std::isfinite(dot(way, way) + b.gradient.squaredNorm() + b.pose.rotation.w);
+        if (body.reset) {
+            b.pose = b.start;
+            body.velocity = body.angular_momentum = body.contact_force = body.contact_torque = body.acceleration = {};
+        } else {
+            const Motion contact = b.inertia.gradient - b.gradient;
+            const Vec3<double> before = body.velocity;
+            body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * way;
+            body.acceleration = (1 / w.solver.dt) * (body.velocity - before);
+            for (int k = 0; k < 3; ++k) {
+                body.contact_force[k] = contact[k];
+                body.contact_torque[k] = contact[3 + k];
+                body.angular_momentum[k] += w.solver.inertia ? w.solver.dt * b.inertia.gradient[3 + k] : 0;
+            }
+        }
+        shape.pose = object_pose(body, b.pose);
+    }
+}
+
+/// Bodies whose whole island has been at rest for a while, without a finger near, fall asleep.
+void put_to_sleep(Work& w) {
+    constexpr int long_enough = 20;
+    for (int i = 0; i < w.s.island_count; ++i) {
+        Island& island = w.s.islands[i];
+        bool still = island.progress.converged && w.solver.inertia && w.solver.sleep_speed > 0;
+        for (int b : island.bodies) {
+            const RigidBody& body = w.bodies[b];
+            const double spin = norm(angular_velocity(body, w.s.bodies[b].pose.rotation));
+            still = still && norm(body.velocity) + spin * body.size < w.solver.sleep_speed;
+        }
+        island.following = still;
+    }
+    for_each_lane(w, [](auto&, int, Island& i) { i.following = false; });
+    for (const BodyPair& p : w.s.pairs)  // on something that moves
+        if (p.a >= 0)
+            for (int object : {p.a, p.b})
+                if (w.shapes[object].body < 0 && !w.s.objects[object].still) island_of_pair(w, p).following = false;
+    for (int i = 0; i < w.s.island_count; ++i)
+        for (int b : w.s.islands[i].bodies) {
+            RigidBody& body = w.bodies[b];
+            body.still_steps = w.s.islands[i].following ? body.still_steps + 1 : 0;
+            body.asleep = body.still_steps >= long_enough;
+            if (body.asleep) body.velocity = body.angular_momentum = body.acceleration = {0, 0, 0};
+        }
+}
+
+}  // namespace
+
+void end_body_step(BodyWork& w) {
+    end_lanes(w);
+    end_bodies(w);
+    bounce(w);
+    put_to_sleep(w);
+}
+
+}  // namespace palpate
