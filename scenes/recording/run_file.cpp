@@ -97,6 +97,8 @@ std::vector<std::string> array_names(const Simulation& s) {
         for (const char* array : {"skin positions", "contact forces"}) names.push_back(skin.name + ": " + array);
     for (const Matching& m : s.world.matchings)
         names.push_back(s.world.skins.find(m.finger)->name + ": device configuration");
+    for (const RigidShape& o : s.world.shapes)
+        if (o.body >= 0) names.push_back(o.name + ": pose");
     return names;
 }
 
@@ -111,6 +113,8 @@ StepOutcome outcome_of(const Simulation& s) {
     }
     for (const Matching& m : s.world.matchings)
         out.hashes.push_back(hash_of(m.result.w.data(), std::size_t(m.result.w.size()) * sizeof(double)));
+    for (const RigidShape& o : s.world.shapes)
+        if (o.body >= 0) out.hashes.push_back(hash_of(&o.pose, sizeof o.pose));
     return out;
 }
 
