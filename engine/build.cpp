@@ -148,7 +148,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
                  std::vector<Skin>& skins) {
     const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
     const bool shared = a.fingers.size() > 1 && a.mesh->tets.size() <= largest_shared_mesh;
-    const auto topology = std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared));
+    const auto topology = std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared, spec.solver.sample_refinement));
     for (std::size_t first = 0; first < a.fingers.size();) {
         const int width = shared ? chunk_width<T>(int(a.fingers.size() - first)) : 1;
         const std::size_t last = std::min(a.fingers.size(), first + width);

@@ -68,7 +68,8 @@ struct ObjectContact {
     double slip = 0;                ///< way over the object in this step, mean by normal force [m]
 };
 
-/// Finger: its contact this step, written by extract_contact. Arrays are [sample].
+/// Finger: its contact this step, written by extract_contact. Arrays are [sample], nodes alone: forces of samples
+/// between nodes count to the nodes around them.
 struct ContactSurface {
     std::vector<double> area;            ///< share of the rest surface [m^2], written at load
     std::vector<Vec3<double>> position;  ///< finger frame [m]

@@ -53,6 +53,7 @@ void read_solver(Section s, Scene& scene) {
     v.multiplier_tolerance = s.number("multiplier_tolerance", v.multiplier_tolerance, 1e-12, 0.1);
     v.multiplier_gate = s.number("multiplier_gate", v.multiplier_gate, 1e-6, 1000);
     v.contact_iterations = s.integer("contact_iterations", v.contact_iterations, 0, 100);
+    v.sample_refinement = s.integer("sample_refinement", v.sample_refinement, 1, 8);
     v.contact_share = s.number("contact_share", v.contact_share, 0, 1);
     v.limit_tolerance = s.number("limit_tolerance", v.limit_tolerance, 1e-8, 0.5);
     v.contact_tolerance = s.number("contact_tolerance_um", v.contact_tolerance * 1e6, 1e-4, 1e4, 1e-6);

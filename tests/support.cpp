@@ -42,7 +42,7 @@ TetMesh block_mesh(int nx, int ny, int nz, double h) {
 template <class T>
 SkinChunk<T> make_chunk(const TetMesh& mesh, const Pose<double>& bone, const ChunkOptions& o) {
     SkinChunk<T> chunk;
-    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh, o.width > 1)), o.width, o.limits,
+    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh, o.width > 1, o.sample_refinement)), o.width, o.limits,
                    o.friction, o.objects);
     SkinParameters p;
     p.mesh = &mesh;

@@ -26,6 +26,7 @@ struct ChunkOptions {
     double low = 0.7, high = 1.3;
     bool friction = false;
     int objects = 1;
+    int sample_refinement = 1;
     double young = 30e3, poisson = 0.45;
 };
 template <class T>

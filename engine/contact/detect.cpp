@@ -44,7 +44,7 @@ Reach lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver) 
 
 template <class T>
 void clear_slot(SkinChunk<T>& c, int slot) {
-    const std::size_t S = c.topology->samples.size() * c.width;
+    const std::size_t S = c.topology->sample_count() * c.width;
     auto clear = [&](LaneArray<T>& a, std::size_t per) {
         if (!a.empty()) std::fill(a.begin() + slot * S * per, a.begin() + (slot + 1) * S * per, T(0));
     };

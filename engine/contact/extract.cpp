@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "engine/systems.h"
 
 namespace palpate {
@@ -10,12 +12,23 @@ Vec3<double> read_vec3(const LaneArray<T>& a, std::size_t index, int width, int 
     return {double(p[0]), double(p[width]), double(p[2 * width])};
 }
 
+/// A sample of a nodal array of positions, world [m].
+template <class T>
+Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, std::size_t s, int lane) {
+    const SkinTopology& t = *c.topology;
+    if (s < t.samples.size()) return lane_origin(c, lane) + read_vec3(nodal, t.samples[s], c.width, lane);
+    const FaceSample& f = t.face_samples[s - t.samples.size()];
+    Vec3<double> x = lane_origin(c, lane);
+    for (int k = 0; k < 3; ++k) x += f.weight[k] * read_vec3(nodal, f.node[k], c.width, lane);
+    return x;
+}
+
 /// Force of an object on a sample at x, world; adds to the sums of the object.
 template <class T>
 Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t s, const Vec3<double>& x,
                           ObjectContact& sums) {
     const ContactSlot& object = c.slots[slot];
-    const std::size_t i = slot * c.topology->samples.size() + s;
+    const std::size_t i = slot * c.topology->sample_count() + s;
     const double normal_force = c.state.normal_multiplier[i * c.width + lane];
     if (normal_force <= 0) return {0, 0, 0};
     const Vec3<double> normal = surface_point(object.shape, object.pose, x).normal;
@@ -26,8 +39,7 @@ Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t
         sums.friction_force += norm(friction);
         sums.friction_available += object.friction * normal_force;
     }
-    const Vec3<double> before =
-        lane_origin(c, lane) + read_vec3(c.scratch.start_position, c.topology->samples[s], c.width, lane);
+    const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
     const Vec3<double> way = rotation_matrix(object.pose.rotation) *
                              (inverse_transform(object.pose, x) - inverse_transform(object.start, before));
     const double total = sums.normal_force + normal_force;
@@ -54,24 +66,40 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
         out.objects[slot] = {};
         if (slot < c.slot_capacity) out.objects[slot].object = c.slots[slot].object;
     }
+    std::fill(out.touches.begin(), out.touches.end(), 0);
     for (std::size_t s = 0; s < S; ++s) {
-        const Vec3<double> x = node_position(c, t.samples[s], lane);
+        out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
+        out.force[s] = {0, 0, 0};
+    }
+    for (std::size_t s = 0; s < t.sample_count(); ++s) {
+        const Vec3<double> x = sample_position(c, c.state.position, s, lane);
         Vec3<double> force{0, 0, 0};
         double normal_force = 0;
         for (int slot = 0; slot < c.slot_capacity; ++slot) {
             if (c.slots[slot].object < 0) continue;
-            const Vec3<double> f = sample_force(c, lane, slot, s, x, out.objects[slot]);
-            if (c.state.normal_multiplier[(slot * S + s) * W + lane] <= 0) continue;
-            force += f;
-            normal_force += c.state.normal_multiplier[(slot * S + s) * W + lane];
+            const double normal = c.state.normal_multiplier[(slot * t.sample_count() + s) * W + lane];
+            if (normal <= 0) continue;
+            force += sample_force(c, lane, slot, s, x, out.objects[slot]);
+            normal_force += normal;
         }
-        out.position[s] = inverse_transform(bone, x);
-        out.force[s] = force;
-        out.touches[s] = normal_force > 0;
+        if (normal_force <= 0) continue;
         out.total += force;
         out.normal_force += normal_force;
-        if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
+        if (s < S) {
+            out.force[s] += force;
+            out.touches[s] = 1;
+            continue;
+        }
+        // Between nodes: the nodes feel it.
+        const FaceSample& f = t.face_samples[s - S];
+        for (int k = 0; k < 3; ++k) {
+            if (f.weight[k] <= 0) continue;
+            out.force[f.sample[k]] += f.weight[k] * force;
+            out.touches[f.sample[k]] = 1;
+        }
     }
+    for (std::size_t s = 0; s < S; ++s)
+        if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
 }
 
 }  // namespace

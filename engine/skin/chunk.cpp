@@ -22,6 +22,7 @@ std::vector<std::string> SolverSettings::validate() const {
     need(multiplier_gate > 0 && multiplier_gate <= 1e3, "multiplier_gate must be between 0 and 1000");
     need(limit_tolerance >= 1e-8 && limit_tolerance <= 0.5, "limit_tolerance must be between 1e-8 and 0.5");
     need(contact_tolerance >= 1e-10 && contact_tolerance <= 1e-2, "contact_tolerance must be between 1e-7 and 10 mm");
+    need(sample_refinement >= 1 && sample_refinement <= 8, "sample_refinement must be between 1 and 8");
     need(sleep_speed >= 0 && sleep_speed <= 1e-2, "sleep_speed must be between 0 and 0.01 m/s");
     return wrong;
 }
@@ -90,7 +91,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     c.status.assign(width, {});
     auto make = [&](LaneArray<T>& a, std::size_t n, T value = T(0)) { a.assign(n * width, value); };
     const std::size_t E = t.elements.size(), N = t.node_count;
-    const std::size_t S = t.samples.size(), contacts = S * c.slot_capacity, limits = has_limits ? E : 0;
+    const std::size_t S = t.sample_count(), contacts = S * c.slot_capacity, limits = has_limits ? E : 0;
     const std::size_t frictions = c.has_friction ? contacts : 0, everything = N + 2;
     auto& r = c.rest;
     make(r.shape_gradients, 9 * E), make(r.volume, E), make(r.mu, E), make(r.lambda, E);
@@ -183,7 +184,7 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
         E += value_at(p.young_modulus, t.mesh_element[e]) * c.rest.volume[e * W + lane];
     }
     const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
-    for (std::size_t s = 0; s < t.samples.size(); ++s)
+    for (std::size_t s = 0; s < t.sample_count(); ++s)
         c.rest.contact_penalty[s * W + lane] = T(p.contact_penalty_factor * E / volume * spacing);
     double farthest = 0;
     for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));

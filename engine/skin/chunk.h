@@ -158,6 +158,7 @@ struct SolverSettings {
     double contact_share = 0.3;          ///< follow while contact leaves more than this share of the residual
     double limit_tolerance = 1e-3;       ///< relative excess allowed over a strain limit
     double contact_tolerance = 2e-6;     ///< penetration allowed [m]
+    int sample_refinement = 1;           ///< 1: contact is decided at nodes; n: at n times as many points along edges
     bool inertia = true;                 ///< false: static equilibrium
     double sleep_speed = 1e-6;           ///< a chunk near no object, slower than this and with still targets, sleeps
                                          ///< [m/s]; 0 = never

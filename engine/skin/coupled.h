@@ -53,9 +53,9 @@ inline void add_body_gradients(SkinChunk<ScalarOf<R>>& c) {
             for (int l = 0; l < W; ++l)
                 c.exchange.centre[(3 * slot + d) * W + l] = ScalarOf<R>(centre[d] - c.state.origin[d * W + l]);
         Vec3<R> force{R(0), R(0), R(0)}, torque = force;
-        for (std::size_t i = 0; i < t.samples.size(); ++i) {
-            const Vec3<R> x = load_vec3<R>(&c.state.position[3 * t.samples[i] * W]);
-            const Vec3<R> g = load_vec3<R>(&c.exchange.slot_gradient[3 * (slot * t.samples.size() + i) * W]);
+        for (std::size_t i = 0; i < t.sample_count(); ++i) {
+            const Vec3<R> x = at_sample<R>(t, c.state.position.data(), i);
+            const Vec3<R> g = load_vec3<R>(&c.exchange.slot_gradient[3 * (slot * t.sample_count() + i) * W]);
             force -= g;
             torque -= cross(x - load_vec3<R>(&c.exchange.centre[3 * slot * W]), g);
         }
@@ -84,18 +84,17 @@ inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
         R C[6][6];
         for (auto& row : C)
             for (R& value : row) value = R(0);
-        for (std::size_t i = 0; i < t.samples.size(); ++i) {
-            const std::size_t s = slot * t.samples.size() + i;
+        for (std::size_t i = 0; i < t.sample_count(); ++i) {
+            const std::size_t s = slot * t.sample_count() + i;
             const Mat3<R> K = load_mat3<R>(&c.exchange.slot_curvature[9 * s * W]);
             if (!any(K[0][0] + K[1][1] + K[2][2] > R(0))) continue;
-            const int node = t.samples[i];
-            const Vec3<R> x = load_vec3<R>(&c.state.position[node * W3]);
+            const Vec3<R> x = at_sample<R>(t, c.state.position.data(), i);
             const BodyMotion<R> G = body_motion<R>(c, slot, x);
             for (int k = 0; k < 6; ++k) {
                 const Vec3<R> column = coupling_column(K, G, k);
                 T* to = columns + k * stride;
-                if (t.elimination[node] >= 0) {
-                    add_vec3<R>(to + t.elimination[node] * W3, column);
+                if (is_free_sample(t, i)) {
+                    add_at_free_sample<R>(t, to, i, column);
                 } else {
                     add_vec3<R>(to + t.elimination[t.bone_position] * W3, column);
                     add_vec3<R>(to + t.elimination[t.bone_rotation] * W3, cross(x - bone, column));
@@ -279,15 +278,14 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
     const R exactness = detail::orders<R>(c, &LaneReport::exactness);
     place_slots(c);
     R squared(0);
-    const std::size_t S = t.samples.size();
+    const std::size_t S = t.sample_count();
     std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
     std::fill(c.scratch.sample_residual.begin(), c.scratch.sample_residual.end(), T(0));
     for (std::size_t i = 0; i < S; ++i) {
-        const int node = t.samples[i];
-        if (t.elimination[node] < 0) continue;
-        const Vec3<R> base = load_vec3<R>(&c.state.position[node * W3]);
-        const Vec3<R> x = base + load_vec3<R>(&c.scratch.direction[node * W3]);
-        const Vec3<R> step = load_vec3<R>(&c.scratch.permuted[t.elimination[node] * W3]);
+        if (!is_free_sample(t, i)) continue;
+        const Vec3<R> base = at_sample<R>(t, c.state.position.data(), i);
+        const Vec3<R> x = base + at_sample<R>(t, c.scratch.direction.data(), i);
+        const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), i);
         Vec3<R> residual{R(0), R(0), R(0)};
         Mat3<R> change = Mat3<R>::zero(), fixed_curvature = change;
         Vec3<R> fixed_gradient = residual;
@@ -322,14 +320,13 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         residual = select(mask, residual, Vec3<R>{R(0), R(0), R(0)});
         for (int k = 0; k < 9; ++k) change.m[k / 3][k % 3] = select(mask, change.m[k / 3][k % 3], R(0));
         squared += dot(residual, residual);
-        detail::add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], change);
+        add_sample_block<R>(t, c.scratch.blocks.data(), i, change);
         store_vec3<R>(&c.scratch.sample_residual[i * W3], residual);
     }
     std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
     for (std::size_t i = 0; i < S; ++i)
-        if (t.elimination[t.samples[i]] >= 0)
-            store_vec3<R>(&c.scratch.permuted[t.elimination[t.samples[i]] * W3],
-                          -load_vec3<R>(&c.scratch.sample_residual[i * W3]));
+        if (is_free_sample(t, i))
+            add_at_free_sample<R>(t, c.scratch.permuted.data(), i, -load_vec3<R>(&c.scratch.sample_residual[i * W3]));
     detail::report<R>(c, &LaneReport::surprise, squared);
 }
 

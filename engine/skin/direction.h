@@ -83,10 +83,9 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
     R squared(0);
-    for (std::size_t s = 0; s < t.samples.size(); ++s) {
-        const int node = t.samples[s];
-        if (t.elimination[node] < 0) continue;
-        const Vec3<R> x = load_vec3<R>(&c.state.position[node * W3]) + load_vec3<R>(&c.scratch.direction[node * W3]);
+    for (std::size_t s = 0; s < t.sample_count(); ++s) {
+        if (!is_free_sample(t, s)) continue;
+        const Vec3<R> x = at_sample<R>(t, c.state.position.data(), s) + at_sample<R>(t, c.scratch.direction.data(), s);
         Vec3<R> gradient{R(0), R(0), R(0)};
         Mat3<R> curvature = Mat3<R>::zero();
         for (int slot = 0; slot < c.slot_capacity; ++slot) {
@@ -97,14 +96,14 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
         }
         T *old_gradient = &c.scratch.sample_gradient[s * W3], *old_curvature = &c.scratch.sample_curvature[3 * s * W3];
         const Mat3<R> old = load_mat3<R>(old_curvature);
-        const Vec3<R> step = load_vec3<R>(&c.scratch.permuted[t.elimination[node] * W3]);
+        const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), s);
         const Vec3<R> zero{R(0), R(0), R(0)};
         const Vec3<R> r = select(lanes, gradient - load_vec3<R>(old_gradient) - old * step, zero);
         squared += dot(r, r);
         Mat3<R> change;
         for (int i = 0; i < 9; ++i)
             change.m[i / 3][i % 3] = select(lanes, curvature.m[i / 3][i % 3] - old.m[i / 3][i % 3], R(0));
-        add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], change);
+        add_sample_block<R>(t, c.scratch.blocks.data(), s, change);
         store_vec3<R>(old_gradient, gradient);
         store_mat3<R>(old_curvature, curvature);
         store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
@@ -131,10 +130,10 @@ inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settin
         if (!any(lanes)) break;
         factor_matrix<R>(c);
         std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
-        for (std::size_t s = 0; s < t.samples.size(); ++s)
-            if (t.elimination[t.samples[s]] >= 0)
-                store_vec3<R>(&c.scratch.permuted[t.elimination[t.samples[s]] * W3],
-                              -load_vec3<R>(&c.scratch.sample_residual[s * W3]));
+        for (std::size_t s = 0; s < t.sample_count(); ++s)
+            if (is_free_sample(t, s))
+                add_at_free_sample<R>(t, c.scratch.permuted.data(), s,
+                                      -load_vec3<R>(&c.scratch.sample_residual[s * W3]));
         solve_matrix<R>(c);
         for (int i : t.unknowns) {
             T *step = &c.scratch.permuted[t.elimination[i] * W3], *direction = &c.scratch.direction[i * W3];

@@ -10,6 +10,7 @@
 #include "engine/skin/chunk.h"
 #include "engine/skin/isotropic.h"
 #include "engine/skin/progress.h"
+#include "engine/skin/samples.h"
 
 namespace palpate {
 
@@ -319,7 +320,7 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const ContactSlot& object = c.slots[slot];
-    const std::size_t i = slot * c.topology->samples.size() + s;
+    const std::size_t i = slot * c.topology->sample_count() + s;
     SampleContact<R> out;
     const ScalarOf<R>* frame = &c.scratch.slot_frame[24 * std::size_t(slot) * W];
     const Mat3<R> rotation = load_mat3<R>(frame);
@@ -334,9 +335,9 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
         out.state.tangential_multiplier = rotation * load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
         out.state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
         out.state.friction_normal = rotation * load_vec3<R>(&c.state.friction_normal[3 * i * W]);
-        const Vec3<R> before = load_vec3<R>(&c.scratch.start_position[3 * c.topology->samples[s] * W]);
-        slip = rotation *
-               (local - transposed_times(load_mat3<R>(frame + 12 * W), before - load_vec3<R>(frame + 21 * W)));
+        const Vec3<R> before = at_sample<R>(*c.topology, c.scratch.start_position.data(), s);
+        slip =
+            rotation * (local - transposed_times(load_mat3<R>(frame + 12 * W), before - load_vec3<R>(frame + 21 * W)));
     }
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
@@ -356,20 +357,19 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
-        for (std::size_t s = 0; s < t.samples.size(); ++s) {
-            const int node = t.samples[s];
-            const std::size_t i = slot * t.samples.size() + s;
+        for (std::size_t s = 0; s < t.sample_count(); ++s) {
+            const std::size_t i = slot * t.sample_count() + s;
             const SampleContact<R> contact =
-                sample_contact<R>(c, slot, s, load_vec3<R>(&c.state.position[3 * node * W]), exactness);
+                sample_contact<R>(c, slot, s, at_sample<R>(t, c.state.position.data(), s), exactness);
             const ContactTerms<R>& terms = contact.terms;
             const R change = terms.normal_force - contact.state.normal_multiplier;
             out.energy += terms.energy;
             out.contact_force += terms.normal_force;
             out.pending += change * change;
             out.penetration = maximum(-contact.surface.distance, out.penetration);
-            add_vec3<R>(&c.scratch.gradient[3 * node * W], terms.gradient);
+            add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
             if constexpr (want == Want::forces_and_matrix)
-                add_block<R>(c.scratch.blocks.data(), t.diagonal_block[node], terms.curvature);
+                add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);
             if (c.slots[slot].body >= 0) {
                 store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], terms.gradient);
                 store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], terms.curvature);
@@ -384,8 +384,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
                 const R dr = R(T(c.slots[slot].friction)) * terms.normal_force - contact.state.friction_radius;
                 out.pending += dot(dt, dt) + dr * dr;
                 const Mat3<R> rotation = load_mat3<R>(&c.scratch.slot_frame[24 * std::size_t(slot) * W]);
-                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
-                              transposed_times(rotation, terms.tangential));
+                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W], transposed_times(rotation, terms.tangential));
                 // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.
                 const R length = maximum(norm(contact.local_normal), R(T(1e-6)));
                 store_vec3<R>(&c.scratch.contact_normal[3 * i * W], (R(1) / length) * contact.local_normal);

@@ -69,7 +69,7 @@ inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
             store<R>(&to[i], select(lanes, load<R>(&from[i]), load<R>(&to[i])));
     };
     if (c.has_limits) take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
-    const std::size_t S = c.topology->samples.size();
+    const std::size_t S = c.topology->sample_count();
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
         take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S);

@@ -151,9 +151,41 @@ class BoneBlocks {
     std::map<std::pair<int, int>, int> number;
 };
 
+/// Points of a lattice on each face whose nodes all belong to the pad, and not to the bone; on edges, once.
+void refine_samples(SkinTopology& t, const TetMesh& mesh, int refinement) {
+    std::vector<int> sample_of(t.node_count, -1);
+    for (std::size_t s = 0; s < t.samples.size(); ++s)
+        if (t.elimination[t.samples[s]] >= 0) sample_of[t.samples[s]] = static_cast<int>(s);
+    std::set<std::array<std::pair<int, int>, 3>> seen;  // node and weight of each corner
+    for (const auto& face : mesh.surface) {
+        if (std::any_of(face.begin(), face.end(), [&](int node) { return sample_of[node] < 0; })) continue;
+        for (int i = 0; i <= refinement; ++i)
+            for (int j = 0; i + j <= refinement; ++j) {
+                const std::array<int, 3> weight{i, j, refinement - i - j};
+                if (std::count(weight.begin(), weight.end(), 0) == 2) continue;  // a node
+                std::array<std::pair<int, int>, 3> key;
+                for (int k = 0; k < 3; ++k) key[k] = weight[k] ? std::pair{face[k], weight[k]} : std::pair{-1, 0};
+                std::sort(key.begin(), key.end());
+                if (!seen.insert(key).second) continue;
+                FaceSample f;
+                for (int k = 0; k < 3; ++k) {
+                    f.node[k] = face[k];
+                    f.sample[k] = sample_of[face[k]];
+                    f.weight[k] = double(weight[k]) / refinement;
+                }
+                for (int k = 0, a = 0; a < 3; ++a)
+                    for (int b = 0; b <= a; ++b, ++k) {
+                        const int p = t.elimination[face[a]], q = t.elimination[face[b]];
+                        f.block[k] = t.pattern.find(std::max(p, q), std::min(p, q));
+                    }
+                t.face_samples.push_back(f);
+            }
+    }
+}
+
 }  // namespace
 
-SkinTopology build_topology(const TetMesh& mesh, bool several_lanes) {
+SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_refinement) {
     SkinTopology t;
     t.node_count = static_cast<int>(mesh.nodes.size());
     t.bone_position = t.node_count;
@@ -187,6 +219,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes) {
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
+    if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);
     t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
     return t;
 }

@@ -30,6 +30,14 @@ BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency);
 /// Writes the update program, which only factor_blocks needs, and which grows faster than the factor.
 void add_updates(BlockPattern& pattern);
 
+/// A sample inside a face of the pad.
+struct FaceSample {
+    std::array<int, 3> node;       ///< all free
+    std::array<int, 3> sample;     ///< their numbers among the samples that are nodes
+    std::array<double, 3> weight;  ///< barycentric
+    std::array<int, 6> block;      ///< of the nodes' pairs 00, 10, 11, 20, 21, 22
+};
+
 /// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
 /// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
 /// of the skin. Nodes keep the numbers of the mesh; the bone's two unknowns follow them.
@@ -63,10 +71,13 @@ struct SkinTopology {
     std::vector<BonePair> bone_pairs;
     int bone_cross_block = 0;  ///< block (rotation, position)
 
-    std::vector<int> samples;  ///< nodes at which contact is decided
+    std::vector<int> samples;              ///< nodes at which contact is decided
+    std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
+    std::size_t sample_count() const { return samples.size() + face_samples.size(); }
 };
 
-/// `several_lanes`: for chunks of more than one lane, too.
-SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true);
+/// `several_lanes`: for chunks of more than one lane, too. `sample_refinement`: 1 for samples at nodes alone, n for n
+/// times as many along each edge of the pad.
+SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true, int sample_refinement = 1);
 
 }  // namespace palpate

@@ -338,6 +338,43 @@ TEST(Grasp, ABallUnderOneFingerRollsHalfItsWay) {
     EXPECT_NEAR(lab.world.shapes[1].pose.position.x - start, 0.0015, 0.02 * 0.0015);
 }
 
+/// A rod thinner than the spacing of nodes sinks in between them; samples between nodes stop it.
+TEST(Grasp, SamplesBetweenNodesHoldAThinRod) {
+    auto depth_of = [](int refinement) {
+        SceneSpec spec;
+        spec.solver.sample_refinement = refinement;
+        FingerSpec f = finger({{0, 0, 0.0055}, upright});
+        spec.fingers.push_back(f);
+        // Along x, midway between two rows of nodes.
+        const Shape rod{ShapeKind::capsule, {0.0008, 0.02, 0}};
+        spec.objects.push_back({"rod", rod, {{0, 0.0019, 0}, {std::sqrt(0.5), 0, std::sqrt(0.5), 0}}, 0.5});
+        Lab lab(spec);
+        lab.run(0.005);
+        for (int k = 0; k < 40; ++k) lab.target(0).position.z -= 5e-5, lab.run(0.005);
+        lab.run(0.3);
+        // How deep faces of the pad are inside the rod, wherever.
+        const auto nodes = finger_positions(lab.world, lab.world.skins.owner(0));
+        double deepest = 0;
+        for (const auto& t : f.mesh.surface)
+            for (int i = 0; i <= 12; ++i)
+                for (int j = 0; i + j <= 12; ++j) {
+                    Vec3<double> x;
+                    for (int d = 0; d < 3; ++d)
+                        x[d] = (i * nodes[t[0]][d] + j * nodes[t[1]][d] + (12 - i - j) * nodes[t[2]][d]) / 12;
+                    const RigidShape& r = lab.world.shapes[0];
+                    deepest = std::max(deepest, -surface_point(r.shape, r.pose, x).distance);
+                }
+        return std::pair{deepest, lab.world.contact_surfaces[0].normal_force};
+    };
+    const auto [coarse, no_force] = depth_of(1);
+    const auto [fine, force] = depth_of(4);
+    std::printf("thin rod: %.3f mm inside the pad with samples at nodes (%.3f N), %.3f mm refined (%.3f N)\n",
+                1e3 * coarse, no_force, 1e3 * fine, force);
+    EXPECT_LT(no_force, 0.01);  // it went through
+    EXPECT_GT(force, 0.2);
+    EXPECT_LT(fine, 0.5 * coarse);
+}
+
 bool finite_and_near(const World& world, double reach) {
     for (const RigidShape& s : world.shapes) {
         const Vec3<double>& x = s.pose.position;

@@ -251,10 +251,11 @@ TEST(Derivatives, Coupling) {
 }
 
 /// A chunk in a scrambled state with limits, contact, friction and bone.
-SkinChunk<double> scrambled_chunk() {
+SkinChunk<double> scrambled_chunk(int sample_refinement = 1) {
     const TetMesh mesh = testing::block_mesh(2, 2, 2, 0.005);
     const Pose<double> bone{{0, 0, 0.004}, normalised(Quaternion<double>{1, 0.05, 0.02, -0.03})};
-    auto chunk = testing::make_chunk<double>(mesh, bone, {.low = 0.8, .high = 1.2, .friction = true});
+    auto chunk = testing::make_chunk<double>(
+        mesh, bone, {.low = 0.8, .high = 1.2, .friction = true, .sample_refinement = sample_refinement});
     chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5};
     testing::aim_all(chunk, 2000, 2, {{0.001, 0, 0.002}, normalised(Quaternion<double>{1, 0, 0.1, 0})});
     place_slots(chunk);
@@ -291,8 +292,8 @@ void move(SkinChunk<double>& c, int u, int d, double h) {
 /// What a chunk reports along a body's motions is the gradient of its potential, and its part of the Newton matrix that
 /// of contact, but for the turning of normals, which the solve leaves out.
 TEST(Derivatives, GradientAlongTheMotionsOfABody) {
-    SkinChunk<double> c = scrambled_chunk();
-    const std::size_t S = c.topology->samples.size();
+    SkinChunk<double> c = scrambled_chunk(2);
+    const std::size_t S = c.topology->sample_count();
     c.exchange.centre.resize(3), c.exchange.slot_gradient.resize(3 * S), c.exchange.slot_curvature.resize(9 * S);
     c.exchange.body_gradient.resize(6), c.exchange.body_matrix.resize(36);
     c.exchange.columns.resize(18 * c.topology->unknowns.size());
@@ -349,8 +350,11 @@ TEST(Derivatives, GradientAlongTheMotionsOfABody) {
 }
 
 /// The whole incremental potential: its gradient along every node and along the bone's position and turn.
-TEST(Derivatives, GradientOfTheWholePotential) {
-    SkinChunk<double> chunk = scrambled_chunk();
+class Refined : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Derivatives, Refined, ::testing::Values(1, 3));
+
+TEST_P(Refined, GradientOfTheWholePotential) {
+    SkinChunk<double> chunk = scrambled_chunk(GetParam());
     const SolverSettings settings;
     evaluate<double>(chunk, settings, 0.0);
     const auto gradient = chunk.scratch.gradient;
@@ -373,8 +377,8 @@ TEST(Derivatives, GradientOfTheWholePotential) {
 }
 
 /// The exact Newton matrix against differences of the gradient, bone included.
-TEST(Derivatives, MatrixOfTheWholePotential) {
-    SkinChunk<double> chunk = scrambled_chunk();
+TEST_P(Refined, MatrixOfTheWholePotential) {
+    SkinChunk<double> chunk = scrambled_chunk(GetParam());
     const SkinTopology& t = *chunk.topology;
     const SolverSettings settings;
     evaluate<double>(chunk, settings, 1.0);

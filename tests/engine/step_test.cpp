@@ -98,6 +98,7 @@ TEST_P(StepWithBodies, SameBitsForAnyNumberOfThreads) {
     std::vector<World> worlds;
     for (int threads : {1, 2, 4, 8}) {
         SceneSpec spec = scene_of(6, true, 0.4, GetParam());
+        spec.solver.sample_refinement = 2;
         // Two connectivities: several chunks share the bodies' solve.
         for (int i : {1, 4}) {
             spec.fingers[i].mesh = testing::block_mesh(2, 2, 2, 0.004);
