@@ -93,7 +93,7 @@ std::array<Point, 2> bounds(const std::vector<Point>& points) {
     return box;
 }
 
-std::vector<std::string> check_surface(const Surface& s) {
+std::vector<std::string> check_surface(const Surface& s, SurfaceUse use) {
     std::vector<std::string> wrong;
     if (s.triangles.size() < 4) {
         wrong.push_back("the surface has " + std::to_string(s.triangles.size()) +
@@ -118,10 +118,11 @@ std::vector<std::string> check_surface(const Surface& s) {
     }
     check_edges(s, wrong);
     if (!wrong.empty()) return wrong;
-    if (const int parts = part_count(s); parts > 1)
+    if (const int parts = part_count(s); parts > 1 && use == SurfaceUse::finger)
         wrong.push_back("the surface has " + std::to_string(parts) + " separate parts; keep one closed surface");
     if (volume(s) <= 0)
         wrong.push_back("the surface is inside out (its volume is negative); flip the orientation of its triangles");
+    if (use == SurfaceUse::object) return wrong;
     const auto crossings = self_intersections(s, 3);
     if (!crossings.empty())
         wrong.push_back("the surface intersects itself: triangles " + std::to_string(crossings[0][0] + 1) + " and " +

@@ -171,7 +171,7 @@ std::string guess_unit(double diagonal) {
 
 }  // namespace
 
-SurfaceFile read_surface(const std::filesystem::path& path, const std::string& unit) {
+SurfaceFile read_surface(const std::filesystem::path& path, const std::string& unit, SurfaceUse use) {
     const Expected expected = scan(path);
     FileMesh mesh;
     OpenMesh::IO::Options options;
@@ -197,10 +197,12 @@ SurfaceFile read_surface(const std::filesystem::path& path, const std::string& u
     const double scale = file.surface.triangles.empty() ? 1 : factor.at(file.unit);
     for (Point& p : file.surface.vertices)
         for (double& x : p) x *= scale;
-    if (!file.surface.triangles.empty() && (diagonal * scale < 5e-3 || diagonal * scale > 0.2))
-        refuse(path, "its bounds measure " + std::to_string(1e3 * diagonal * scale) +
-                         " mm; expected 5 to 200 mm (is the unit '" + file.unit + "' right?)");
-    auto wrong = check_surface(file.surface);
+    const double low = use == SurfaceUse::finger ? 5e-3 : 1e-3, high = use == SurfaceUse::finger ? 0.2 : 2;
+    if (!file.surface.triangles.empty() && (diagonal * scale < low || diagonal * scale > high))
+        refuse(path, "its bounds measure " + std::to_string(1e3 * diagonal * scale) + " mm; expected " +
+                         std::to_string(int(1e3 * low)) + " to " + std::to_string(int(1e3 * high)) +
+                         " mm (is the unit '" + file.unit + "' right?)");
+    auto wrong = check_surface(file.surface, use);
     for (auto& w : wrong) w = path.string() + ": " + w;
     if (!wrong.empty()) throw InputError(wrong);
     return file;

@@ -182,8 +182,8 @@ void read_object_mesh(Section& s, const std::filesystem::path& folder, ObjectSpe
     const double smoothing = s.number("smoothing_mm", -1, -1, 100, mm);
     if (file.empty()) return s.complain("file", "a mesh needs the name of a file (.obj, .stl, .ply, .off)");
     try {
-        o.mesh = std::make_shared<const DistanceMesh>(
-            build_distance_mesh(read_surface((folder / file).lexically_normal(), unit).surface, smoothing));
+        o.mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(
+            read_surface((folder / file).lexically_normal(), unit, SurfaceUse::object).surface, smoothing));
         o.shape.mesh = o.mesh.get();
     } catch (const InputError& error) {
         for (const auto& m : error.messages) s.complain("file", m);

@@ -1,12 +1,14 @@
 // Triangle meshes as objects: distance and sign against brute force, the smooth field, mass, and a body of a mesh.
 
 #include <cmath>
+#include <fstream>
 #include <map>
 
 #include "engine/bodies/rigid_body.h"
 #include "engine/step.h"
 #include "meshes/input_error.h"
 #include "meshes/triangle_tree.h"
+#include "scenes/scene.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -127,6 +129,36 @@ TEST(MeshObject, TheSmoothFieldIsItsOwnGradientAndNearTheSurface) {
             EXPECT_GT(seen, 3e-3);
             EXPECT_LE(seen, exact + mesh.cell);
         }
+    }
+}
+
+TEST(MeshObject, OpenMeshesAreRefusedByTheirFirstBadEdgesAndSeveralPartsAreNot) {
+    testing::ScratchFolder scratch;
+    auto write = [&](const char* name, const Surface& s, bool twice) {
+        std::ofstream out(scratch.path / name);
+        for (double shift : {0.0, 0.3})
+            for (const Point& p : s.vertices)
+                if (shift == 0 || twice) out << "v " << p[0] + shift << " " << p[1] << " " << p[2] << "\n";
+        for (int shift : {0, int(s.vertices.size())})
+            for (const auto& t : s.triangles)
+                if (shift == 0 || twice)
+                    out << "f " << t[0] + 1 + shift << " " << t[1] + 1 + shift << " " << t[2] + 1 + shift << "\n";
+    };
+    Surface s = box_surface({0.05, 0.05, 0.05}, 2);
+    write("two.obj", s, true);
+    EXPECT_EQ(read_surface(scratch.path / "two.obj", "m", SurfaceUse::object).surface.triangles.size(),
+              2 * s.triangles.size());
+    s.triangles.pop_back();
+    write("open.obj", s, false);
+    std::ofstream(scratch.path / "scene.toml")
+        << "[[object]]\nkind = \"mesh\"\nfile = \"open.obj\"\nunit = \"m\"\nmass_g = 10\n[[finger]]\n";
+    try {
+        load_scene(scratch.path / "scene.toml");
+        FAIL() << "an open mesh was accepted";
+    } catch (const InputError& error) {
+        const std::string what = error.what();
+        EXPECT_NE(what.find("scene.toml:3"), std::string::npos) << what;
+        EXPECT_NE(what.find("is open: 3 edges, the first from vertex"), std::string::npos) << what;
     }
 }
 
