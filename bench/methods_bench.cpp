@@ -129,7 +129,7 @@ Outcome run(const Task& task, double dt, int substeps, const std::function<void(
             world.tracker_poses[0].incoming = {
                 {{at.x, at.y, 2e-5 - lowest + at.z}, Quaternion<double>::identity()}, t, true};
             if (method) {
-                read_trackers(world.tracker_poses, t);
+                read_trackers(world.tracker_poses, world.pose_filters);
                 couple(world.tracker_poses, world.solver, world.skins, world.couplings, world.double_chunks,
                        world.float_chunks);
                 const auto start = std::chrono::steady_clock::now();

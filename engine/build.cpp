@@ -208,6 +208,7 @@ World build_world(const SceneSpec& spec) {
         const EntityId finger = world.fingers.create(), tracker = world.trackers.create();
         ids.push_back(finger);
         world.tracker_poses.add(tracker);
+        if (spec.fingers[i].filter) world.pose_filters.add(tracker, *spec.fingers[i].filter);
         world.couplings.add(finger, spec.fingers[i].coupling).tracker = tracker;
         world.skins.add(finger, std::move(skins[i]));
         world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh));

@@ -19,7 +19,8 @@ struct FingerSpec {
     bool has_limits = false;
     double limit_low = 0.6, limit_high = 1.4;
     bool single_precision = false;
-    Coupling coupling;  ///< its tracker is set by build_world
+    Coupling coupling;                      ///< its tracker is set by build_world
+    std::optional<PoseFilter> filter = {};  ///< of its tracked pose
     Pose<double> start = Pose<double>::identity();
 };
 
@@ -28,7 +29,7 @@ struct ObjectSpec {
     Shape shape;
     Pose<double> pose = Pose<double>::identity();
     double friction = 0;
-    std::optional<RigidBody> body = {};                ///< present: forces move it
+    std::optional<RigidBody> body = {};                  ///< present: forces move it
     std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };
 
@@ -44,7 +45,7 @@ struct SceneSpec {
     SolverSettings solver;
     std::vector<FingerSpec> fingers;
     std::vector<ObjectSpec> objects;
-    Vec3<double> gravity{0, 0, -9.81};          ///< on bodies [m/s^2]
+    Vec3<double> gravity{0, 0, -9.81};  ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;
     std::vector<ThimbleSpec> thimbles;
     /// Sentences about what is wrong; empty if nothing is.

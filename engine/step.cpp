@@ -20,7 +20,7 @@ void timed(double& seconds, System system) {
 void step(World& w, oneapi::tbb::task_arena& arena) {
     w.time += w.solver.dt;
     ++w.step;
-    timed(w.profile.read_trackers, [&] { read_trackers(w.tracker_poses, w.time); });
+    timed(w.profile.read_trackers, [&] { read_trackers(w.tracker_poses, w.pose_filters); });
     timed(w.profile.couple,
           [&] { couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.double_chunks, w.float_chunks); });
     timed(w.profile.detect_contacts, [&] {

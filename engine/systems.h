@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-/// Takes the incoming sample of each tracker if it is valid; counts the others.
-void read_trackers(Table<TrackerPose>& trackers, double time);
+/// Takes the incoming sample of each tracker if it is valid, filtered where the tracker has a filter; counts the others.
+void read_trackers(Table<TrackerPose>& trackers, Table<PoseFilter>& filters);
 
 /// Aims each finger's bone at its tracked pose: writes the bone springs of its lane.
 void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, const Table<Skin>& skins,

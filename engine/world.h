@@ -9,6 +9,7 @@
 #include "devices/command.h"
 #include "devices/matching.h"
 #include "engine/bodies/body_solve.h"
+#include "engine/bodies/pose_filter.h"
 #include "engine/ecs/table.h"
 #include "engine/skin/chunk.h"
 
@@ -135,6 +136,7 @@ struct World {
 
     EntityPool fingers, objects, trackers, thimbles;
     Table<TrackerPose> tracker_poses;        ///< per tracker
+    Table<PoseFilter> pose_filters;          ///< per tracker that has one
     Table<Coupling> couplings;               ///< per finger
     Table<Skin> skins;                       ///< per finger, same rows as couplings and contact_surfaces
     Table<ContactSurface> contact_surfaces;  ///< per finger

@@ -22,7 +22,7 @@ void explain_chunks(const Scene& scene, const std::vector<SkinChunk<T>>& chunks,
             if (finger >= 0) names.push_back(scene.spec.fingers[finger].name);
         std::printf("  chunk of %d %s, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n",
                     c.width, c.width == 1 ? "lane" : "lanes", precision, joined(names).c_str(),
-                    c.topology->elements.size(), c.topology->node_count, c.topology->samples.size(),
+                    c.topology->elements.size(), c.topology->node_count, c.topology->sample_count(),
                     c.topology->pattern.block_count, double(memory_bytes(c)) / 1e6);
     }
 }
@@ -34,7 +34,7 @@ void line(bool built, const char* system, const std::string& why) {
 int explain(const std::string& file, const std::vector<std::string>& overrides) {
     const Simulation s = make_simulation(load_scene(file, overrides), 1);
     const SceneSpec& spec = s.scene.spec;
-    std::vector<std::string> limited, rubbing, moving, devices, following;
+    std::vector<std::string> limited, rubbing, bodies, moving, devices, following;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
         if (spec.fingers[i].has_limits) limited.push_back(spec.fingers[i].name);
         if (s.scene.finger_motions[i].recorded_finger >= 0) following.push_back(spec.fingers[i].name);
@@ -42,6 +42,7 @@ int explain(const std::string& file, const std::vector<std::string>& overrides) 
     for (std::size_t i = 0; i < spec.objects.size(); ++i) {
         if (spec.objects[i].friction > 0) rubbing.push_back(spec.objects[i].name);
         if (!s.scene.object_motions[i].empty()) moving.push_back(spec.objects[i].name);
+        if (spec.objects[i].body) bodies.push_back(spec.objects[i].name);
     }
     for (const Matching& m : s.world.matchings) devices.push_back(s.world.skins.find(m.finger)->name);
 
@@ -62,7 +63,9 @@ int explain(const std::string& file, const std::vector<std::string>& overrides) 
     line(!rubbing.empty(), "  friction",
          rubbing.empty() ? "no object has friction: add friction = 0.5" : "on " + joined(rubbing));
     line(!moving.empty(), "  moving objects",
-         moving.empty() ? "all objects are fixed: add [[object.track]] keyframes" : joined(moving));
+         moving.empty() ? "no script moves an object: add [[object.track]] keyframes" : joined(moving));
+    line(!bodies.empty(), "solve_bodies",
+         bodies.empty() ? "forces move no object: add mass_g to one" : joined(bodies) + ", with the fingers near them");
     line(true, "extract_contact", "touching samples, forces and area per pad");
     const bool wanted = !spec.thimbles.empty();
     line(!devices.empty(), "match_devices",

@@ -137,6 +137,17 @@ FingerMeshRequest read_mesh_request(Section& s, const std::filesystem::path& fol
     return r;
 }
 
+/// [filter]: a one-euro filter of tracked poses; without the table, none.
+void read_filter(Section s, std::optional<PoseFilter>& filter) {
+    if (!s) return;
+    if (!filter) filter.emplace();
+    filter->min_cutoff = s.number("min_cutoff_Hz", filter->min_cutoff, 1e-3, 1000);
+    filter->speed_factor = s.number("Hz_per_mm_per_s", filter->speed_factor, 0, 100);
+    filter->turn_factor = s.number("Hz_per_deg_per_s", filter->turn_factor, 0, 100);
+    filter->speed_cutoff = s.number("speed_cutoff_Hz", filter->speed_cutoff, 1e-3, 1000);
+    s.finish();
+}
+
 /// device = { kind, method, ... } of a finger.
 void read_device(Section s, int finger, Scene& scene) {
     if (!s) return;
@@ -297,6 +308,7 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
     read_material(root.table("material"), common);
     read_limits(root.table("limits"), common);
     read_coupling(root.table("coupling"), common.coupling);
+    read_filter(root.table("filter"), common.filter);
     std::set<std::string> names;
     for (Section& s : root.tables("finger")) {
         FingerSpec f = common;
@@ -308,6 +320,7 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         read_material(s.table("material"), f);
         read_limits(s.table("limits"), f);
         read_coupling(s.table("coupling"), f.coupling);
+        read_filter(s.table("filter"), f.filter);
         FingerMotion motion;
         motion.keyframes = read_track(s);
         const std::string follow = s.text("follow", "");

@@ -81,6 +81,9 @@ Summary summarise(const Simulation& s) {
         out.rejected_samples += t.not_finite + t.backward;
         out.missing_samples += t.missing;
     }
+    double delay = 0, samples = 0;
+    for (const PoseFilter& f : s.world.pose_filters) delay += f.delay_sum, samples += double(f.samples);
+    out.filter_delay_ms = samples > 0 ? 1e3 * delay / samples : 0;
     for (const Coupling& c : s.world.couplings) out.slowed_steps += c.slowed;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) out.fingers.push_back(summarise_finger(s, i));
     out.bodies = summarise_bodies(s);
@@ -123,6 +126,11 @@ std::string to_text(const Summary& s) {
                 << " times: use smaller steps (dt_ms) or softer coupling\n";
     }
     out << to_text(s.bodies);
+    if (s.filter_delay_ms > 0) {
+        std::snprintf(line, sizeof line, "the filter of tracked poses holds them back by %.1f ms on average\n",
+                      s.filter_delay_ms);
+        out << line;
+    }
     if (s.rejected_samples)
         out << s.rejected_samples << " tracker samples were rejected (not finite, or older than the last)\n";
     if (s.missing_samples) out << s.missing_samples << " times a finger had no valid tracker sample\n";
@@ -143,6 +151,7 @@ nlohmann::json to_json(const Summary& s) {
                      {"step_p99_us", s.step_p99_us},
                      {"real_time_factor", s.real_time_factor},
                      {"skin_memory_MB", s.skin_memory_MB},
+                     {"filter_delay_ms", s.filter_delay_ms},
                      {"rejected_samples", s.rejected_samples},
                      {"missing_samples", s.missing_samples},
                      {"slowed_steps", s.slowed_steps},

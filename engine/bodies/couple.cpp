@@ -4,8 +4,9 @@
 
 namespace palpate {
 
-void read_trackers(Table<TrackerPose>& trackers, double) {
-    for (TrackerPose& t : trackers) {
+void read_trackers(Table<TrackerPose>& trackers, Table<PoseFilter>& filters) {
+    for (std::size_t row = 0; row < trackers.size(); ++row) {
+        TrackerPose& t = trackers[row];
         const TrackerPose::Sample& s = t.incoming;
         t.previous = t.newest.valid ? t.newest.pose : s.pose;
         if (!s.valid) {
@@ -28,6 +29,8 @@ void read_trackers(Table<TrackerPose>& trackers, double) {
                 Quaternion<double>& r = t.newest.pose.rotation;
                 r = {-r.w, -r.x, -r.y, -r.z};
             }
+            if (PoseFilter* filter = filters.find(trackers.owner(row)))
+                t.newest.pose = filter_pose(*filter, t.newest.pose, s.time);
         }
     }
 }

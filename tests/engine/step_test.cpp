@@ -199,6 +199,43 @@ TEST(Step, WhatIsNotNamedIsNotBuilt) {
     }
 }
 
+/// At rest the filter takes the tremble away; in motion it lags by the delay that it reports, and no more.
+TEST(Trackers, OneEuroFilterCalmsAHandAtRestAndReportsItsDelay) {
+    PoseFilter f;
+    std::mt19937 random(4);
+    std::normal_distribution<double> noise(0, 1);
+    const Quaternion<double> tilted = normalised(Quaternion<double>{1, 0.3, -0.2, 0.1});
+    double raw = 0, calm = 0, turn = 0, calm_turn = 0;
+    double t = 0;
+    const double dt = 1.0 / 90;
+    for (int k = 0; k < 900; ++k, t += dt) {
+        const Vec3<double> shake{3e-4 * noise(random), 3e-4 * noise(random), 3e-4 * noise(random)};
+        Quaternion<double> q = rotation_step(Vec3<double>{0, 0, 0.01 * noise(random)}) * tilted;
+        const double twist = norm(shorter_twice_vector(q * conjugate(tilted)));
+        if (k % 2) q = {-q.w, -q.x, -q.y, -q.z};  // the same rotation
+        const Pose<double> out = filter_pose(f, {{0.1 + shake.x, shake.y, shake.z}, q}, t);
+        if (k < 90) continue;
+        raw += norm(shake), calm += norm(out.position - Vec3<double>{0.1, 0, 0});
+        turn += twist, calm_turn += norm(shorter_twice_vector(out.rotation * conjugate(tilted)));
+    }
+    EXPECT_LT(calm, 0.45 * raw);
+    EXPECT_LT(calm_turn, 0.6 * turn);
+    for (double speed : {0.05, 0.3, 2.0}) {
+        PoseFilter moving;
+        Pose<double> out;
+        Vec3<double> place{0, 0, 0};
+        for (int k = 0; k < 300; ++k) {
+            place.x = speed * k * 1e-3;
+            out = filter_pose(moving, {place, tilted}, k * 1e-3);
+        }
+        EXPECT_NEAR((place.x - out.position.x) / speed, moving.delay, 0.02 * moving.delay + 1e-4);
+    }
+    // A gap begins anew; the same time changes nothing.
+    const Pose<double> here = filter_pose(f, {{5, 0, 0}, tilted}, t + 10);
+    EXPECT_EQ(here.position.x, 5);
+    EXPECT_EQ(filter_pose(f, {{6, 0, 0}, tilted}, t + 10).position.x, 5);
+}
+
 TEST(Trackers, BadSamplesAreCountedAndNeverUsed) {
     World world = build_world(scene_of(1, false));
     oneapi::tbb::task_arena arena(1);
