@@ -266,6 +266,8 @@ void read_objects(Section& root, Scene& scene, const std::filesystem::path& fold
         o.name = s.text("name", "object " + std::to_string(scene.spec.objects.size()));
         if (o.name.find_first_of("/\\\"\n,") != std::string::npos || o.name.empty())
             s.complain("name", "a name is used for files: no slashes, quotes or commas");
+        for (const ObjectSpec& other : scene.spec.objects)
+            if (other.name == o.name) s.complain("name", "two objects are called '" + o.name + "'");
         const std::string kind = s.choice("kind", "plane", {"plane", "box", "sphere", "capsule", "cylinder", "mesh"});
         if (kind == "mesh")
             read_object_mesh(s, folder, o);

@@ -70,6 +70,31 @@ TEST_F(SceneFiles, SyntaxTypesAndUnknownKeys) {
                 "below the upper");
 }
 
+TEST_F(SceneFiles, BodiesFrictionsAndFilters) {
+    auto with = [&](const std::string& object, const std::string& rest = "") {
+        return refusal(
+            replaced(good, "[[finger]]", "[[object]]\nname = \"thing\"\n" + object + "\n" + rest + "[[finger]]"));
+    };
+    const std::string box = "kind = \"box\"\nsize_mm = [20, 20, 20]\n";
+    EXPECT_EQ(with(box + "mass_g = 20\nrestitution = 0.5\nvelocity_m_per_s = [0, 1, 0]"), "");
+    EXPECT_EQ(with(box + "density_kg_per_m3 = 500\nspin_rad_per_s = [0, 0, 3]",
+                   "[[friction]]\nfirst = \"thing\"\nsecond = \"table\"\ncoefficient = 0.1\n"),
+              "");
+    EXPECT_SAYS(with(box + "mass_g = 0"), "object[1].mass_g: expected a number from 0.001");
+    EXPECT_SAYS(with(box + "mass_g = 20\ndensity_kg_per_m3 = 500"), "not both");
+    EXPECT_SAYS(with(box + "restitution = 0.5"), "only an object with mass_g");
+    EXPECT_SAYS(with("kind = \"plane\"\nmass_g = 20"), "a plane has no end");
+    EXPECT_SAYS(with(box + "mass_g = 20\ntrack = [ { t_s = 0, position_mm = [0, 0, 0] } ]"),
+                "either a track or a mass");
+    EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"thing\"\nsecond = \"chair\"\n"), "found \"chair\"");
+    EXPECT_SAYS(with("kind = \"mesh\""), "needs the name of a file");
+    EXPECT_SAYS(with("kind = \"mesh\"\nfile = \"nothing.obj\"\nmass_g = 5"), "no such file");
+    EXPECT_SAYS(with(box, "[[object]]\nname = \"thing\"\n"), "two objects are called 'thing'");
+    EXPECT_EQ(refusal(good, {"filter.min_cutoff_Hz=3"}), "");
+    EXPECT_SAYS(refusal(good, {"filter.min_cutoff_Hz=0"}), "filter.min_cutoff_Hz: expected a number from 0.001");
+    EXPECT_SAYS(refusal(good, {"solver.sample_refinement=0"}), "sample_refinement");
+}
+
 TEST_F(SceneFiles, AllProblemsInOnePass) {
     const std::string message = refusal(replaced(
         replaced(replaced(good, "elements = 100", "elements = 1"), "kind = \"plane\"", "kind = 3"), "title", "titel"));
