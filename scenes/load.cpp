@@ -334,6 +334,11 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
                 motion.recorded_finger = int(it - finger_names.begin());
             if (!scene.recording) s.complain("follow", "the scene has no [recording] to follow");
         }
+        if (Section fit = s.table("fit")) {
+            if (follow.empty()) s.complain("fit", "only a finger that follows a tracked one is fitted to it");
+            motion.fit = read_pose(fit);
+            fit.finish();
+        }
         const FingerMeshRequest request = read_mesh_request(s, folder);
         std::string note;
         try {
@@ -392,7 +397,7 @@ TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time) {
         TrackerPose::Sample s =
             sample_recording(*scene.recording, motion.recorded_finger, time + scene.recording_start);
         s.time = time;
-        if (s.valid) s.pose = compose(scene.recording_pose, s.pose);
+        if (s.valid) s.pose = compose(compose(scene.recording_pose, s.pose), motion.fit);
         return s;
     }
     TrackerPose::Sample s;

@@ -18,6 +18,7 @@ namespace palpate {
 struct FingerMotion {
     std::vector<Keyframe> keyframes;
     int recorded_finger = -1;  ///< index into finger_names; -1: scripted
+    Pose<double> fit = Pose<double>::identity();  ///< tracked finger -> model finger, in the tracked finger's frame
 };
 
 struct Scene {

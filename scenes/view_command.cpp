@@ -88,7 +88,8 @@ struct LiveRun {
             if (followed < 0) continue;
             inputs.fingers[i] = hand->newest(followed);
             inputs.fingers[i].time = s.world.time + s.world.solver.dt;
-            inputs.fingers[i].pose = compose(s.scene.recording_pose, inputs.fingers[i].pose);
+            inputs.fingers[i].pose =
+                compose(compose(s.scene.recording_pose, inputs.fingers[i].pose), s.scene.finger_motions[i].fit);
         }
         advance(s, inputs);
         // Rows are for results, which a live run has none of: without end, they would fill the memory.

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "meshes/input_error.h"
+#include "scenes/scene.h"
 #include "scenes/trackers/udp_hand.h"
 #include "tests/support.h"
 
@@ -93,6 +94,21 @@ TEST(UdpHand, BadMessagesAreCountedAndChangeNothing) {
     EXPECT_EQ(hand.counts().frames, 1);
     EXPECT_FALSE(hand.counts().last_problem.empty());
     EXPECT_THROW(UdpHand(hand.port(), "right", false), InputError);
+}
+
+/// A finger's `fit` moves it in the frame of the tracked one.
+TEST(Tracking, FitPlacesTheModelInTheTrackedFinger) {
+    const std::string file = PALPATE_SOURCE_DIR "/scenes/recorded_grasp.toml";
+    const Scene plain = load_scene(file), fitted = load_scene(file, {"finger.thumb.fit.rotation_deg=[90, 0, 0]",
+                                                                     "finger.thumb.fit.position_mm=[0, 0, 5]"});
+    for (double t : {0.0, 0.7, 1.5}) {
+        const Pose<double> a = tracked_pose(plain, 0, t).pose, b = tracked_pose(fitted, 0, t).pose;
+        const Mat3<double> R = rotation_matrix(a.rotation), S = rotation_matrix(b.rotation);
+        EXPECT_LT(norm(b.position - a.position - 0.005 * R.column(2)), 1e-12);
+        EXPECT_LT(norm(S.column(0) - R.column(0)), 1e-12);
+        EXPECT_LT(norm(S.column(1) - R.column(2)), 1e-12);
+        EXPECT_LT(norm(tracked_pose(plain, 1, t).pose.position - tracked_pose(fitted, 1, t).pose.position), 1e-15);
+    }
 }
 
 }  // namespace
