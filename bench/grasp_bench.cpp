@@ -56,10 +56,14 @@ void grasp(benchmark::State& state, const std::string& name, const std::vector<s
             }
         state.counters["force_error_%"] = 100 * error / total;
         state.counters["drift_mm"] = summarise(s).bodies[0].drift_mm;
-        // While the fingers close on it, before the lift.
+        // While the fingers close on it, before the lift; the least of several runs by turns.
         const double closing = 0.55;
-        state.counters["times_fixed_object"] =
-            mean_step(run_grasp(name, settings, false, closing)) / mean_step(run_grasp(name, settings, true, closing));
+        double held = 1e300, fixed = 1e300;
+        for (int run = 0; run < 5; ++run) {
+            held = std::min(held, mean_step(run_grasp(name, settings, false, closing)));
+            fixed = std::min(fixed, mean_step(run_grasp(name, settings, true, closing)));
+        }
+        state.counters["times_fixed_object"] = held / fixed;
     }
 }
 
