@@ -292,7 +292,8 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         Vec3<R> fixed_gradient = residual;
         for (int slot = 0; slot < c.slot_capacity; ++slot) {
             if (c.slots[slot].object < 0) continue;
-            const ContactTerms<R> terms = detail::sample_contact<R>(c, slot, i, x, exactness).terms;
+            const ContactTerms<R> terms =
+                detail::sample_contact<R>(c, slot, detail::slot_frame<R>(c, slot), i, x, exactness).terms;
             if (c.slots[slot].body < 0) {
                 fixed_gradient += terms.gradient;
                 fixed_curvature = fixed_curvature + terms.curvature;

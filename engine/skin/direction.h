@@ -90,7 +90,7 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
         Mat3<R> curvature = Mat3<R>::zero();
         for (int slot = 0; slot < c.slot_capacity; ++slot) {
             if (c.slots[slot].object < 0) continue;
-            const ContactTerms<R> terms = sample_contact<R>(c, slot, s, x, exactness).terms;
+            const ContactTerms<R> terms = sample_contact<R>(c, slot, slot_frame<R>(c, slot), s, x, exactness).terms;
             gradient += terms.gradient;
             curvature = curvature + terms.curvature;
         }

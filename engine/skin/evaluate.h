@@ -303,6 +303,20 @@ inline void carry_stiffness_to_bone(SkinChunk<ScalarOf<R>>& c) {
     add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr);
 }
 
+/// Where a slot's object is in this step: at its end, and at its start.
+template <class R>
+struct SlotFrame {
+    Mat3<R> rotation;
+    Vec3<R> position;
+    const ScalarOf<R>* start;  ///< rotation 3x3 and position; friction alone asks for them
+};
+template <class R>
+inline SlotFrame<R> slot_frame(const SkinChunk<ScalarOf<R>>& c, int slot) {
+    constexpr int W = lane_width<R>;
+    const ScalarOf<R>* frame = &c.scratch.slot_frame[24 * std::size_t(slot) * W];
+    return {load_mat3<R>(frame), load_vec3<R>(frame + 9 * W), frame + 12 * W};
+}
+
 /// One sample at x against one slot's object. Slip is the way of the sample over the object in this step, measured in
 /// the object's frame: where the object turns, friction turns with it, and the potential depends on where the two are
 /// relative to each other alone, so that action equals reaction.
@@ -312,37 +326,48 @@ struct SampleContact {
     Vec3<R> local_normal;  ///< object's frame
     ContactState<R> state;
     bool friction;
+    bool idle;  ///< touches in no lane, nor did at the last multiplier update: all terms are zero, and left out
     ContactTerms<R> terms;
 };
 template <class R>
-inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot, std::size_t s, const Vec3<R>& x,
-                                       const R& exactness) {
+inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot, const SlotFrame<R>& frame,
+                                       std::size_t s, const Vec3<R>& x, const R& exactness) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const ContactSlot& object = c.slots[slot];
     const std::size_t i = slot * c.topology->sample_count() + s;
+    const Vec3<R> zero{R(0), R(0), R(0)};
     SampleContact<R> out;
-    const ScalarOf<R>* frame = &c.scratch.slot_frame[24 * std::size_t(slot) * W];
-    const Mat3<R> rotation = load_mat3<R>(frame);
-    const Vec3<R> local = transposed_times(rotation, x - load_vec3<R>(frame + 9 * W));
+    const Vec3<R> local = transposed_times(frame.rotation, x - frame.position);
     out.surface = local_surface_point(object.shape, local);
     out.local_normal = out.surface.normal;
-    out.surface.normal = rotation * out.local_normal;
     out.friction = c.has_friction && object.friction > 0;
-    out.state = {load<R>(&c.state.normal_multiplier[i * W]), {R(0), R(0), R(0)}, R(0), out.surface.normal};
-    Vec3<R> slip{R(0), R(0), R(0)};
-    if (out.friction) {
-        out.state.tangential_multiplier = rotation * load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
-        out.state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
-        out.state.friction_normal = rotation * load_vec3<R>(&c.state.friction_normal[3 * i * W]);
-        const Vec3<R> before = at_sample<R>(*c.topology, c.scratch.start_position.data(), s);
-        slip =
-            rotation * (local - transposed_times(load_mat3<R>(frame + 12 * W), before - load_vec3<R>(frame + 21 * W)));
-    }
+    out.state = {load<R>(&c.state.normal_multiplier[i * W]), zero, R(0), zero};
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
     const R base = load<R>(&c.rest.contact_penalty[s * W]), scale = load<R>(&c.state.penalty_scale[0]);
     const R k = base * scale, k_slip = base * minimum(scale, R(T(16)));
+    MaskOf<R> idle = (out.state.normal_multiplier <= R(0)) & (k * out.surface.distance >= R(0));
+    Vec3<R> tangential = zero;
+    if (out.friction) {
+        out.state.friction_radius = load<R>(&c.state.friction_radius[i * W]);
+        tangential = load_vec3<R>(&c.state.tangential_multiplier[3 * i * W]);
+        idle = idle & (out.state.friction_radius <= R(0)) & (dot(tangential, tangential) <= R(0));
+    }
+    out.idle = all(idle);
+    if (out.idle) {
+        out.terms = {R(0), zero, Mat3<R>::zero(), R(0), zero};
+        return out;
+    }
+    out.surface.normal = frame.rotation * out.local_normal;
+    Vec3<R> slip = zero;
+    if (out.friction) {
+        out.state.tangential_multiplier = frame.rotation * tangential;
+        out.state.friction_normal = frame.rotation * load_vec3<R>(&c.state.friction_normal[3 * i * W]);
+        const Vec3<R> before = at_sample<R>(*c.topology, c.scratch.start_position.data(), s);
+        slip = frame.rotation *
+               (local - transposed_times(load_mat3<R>(frame.start), before - load_vec3<R>(frame.start + 9 * W)));
+    }
     out.terms = contact_terms(out.surface, slip, k, k_slip, out.state, out.friction, exactness);
     return out;
 }
@@ -357,23 +382,26 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
+        const SlotFrame<R> frame = slot_frame<R>(c, slot);
         for (std::size_t s = 0; s < t.sample_count(); ++s) {
             const std::size_t i = slot * t.sample_count() + s;
             const SampleContact<R> contact =
-                sample_contact<R>(c, slot, s, at_sample<R>(t, c.state.position.data(), s), exactness);
+                sample_contact<R>(c, slot, frame, s, at_sample<R>(t, c.state.position.data(), s), exactness);
             const ContactTerms<R>& terms = contact.terms;
-            const R change = terms.normal_force - contact.state.normal_multiplier;
-            out.energy += terms.energy;
-            out.contact_force += terms.normal_force;
-            out.pending += change * change;
-            out.penetration = maximum(-contact.surface.distance, out.penetration);
-            add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
-            if constexpr (want == Want::forces_and_matrix)
-                add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);
+            if (!contact.idle) {
+                const R change = terms.normal_force - contact.state.normal_multiplier;
+                out.energy += terms.energy;
+                out.contact_force += terms.normal_force;
+                out.pending += change * change;
+                out.penetration = maximum(-contact.surface.distance, out.penetration);
+                add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
+                if constexpr (want == Want::forces_and_matrix)
+                    add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);
+            }
             if (c.slots[slot].body >= 0) {
                 store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], terms.gradient);
                 store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], terms.curvature);
-            } else {
+            } else if (!contact.idle) {
                 add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], terms.gradient);
                 if constexpr (want == Want::forces_and_matrix)
                     add_block<R>(c.scratch.sample_curvature.data(), int(s), terms.curvature);
@@ -383,8 +411,8 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
                 const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
                 const R dr = R(T(c.slots[slot].friction)) * terms.normal_force - contact.state.friction_radius;
                 out.pending += dot(dt, dt) + dr * dr;
-                const Mat3<R> rotation = load_mat3<R>(&c.scratch.slot_frame[24 * std::size_t(slot) * W]);
-                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W], transposed_times(rotation, terms.tangential));
+                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
+                              transposed_times(frame.rotation, terms.tangential));
                 // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.
                 const R length = maximum(norm(contact.local_normal), R(T(1e-6)));
                 store_vec3<R>(&c.scratch.contact_normal[3 * i * W], (R(1) / length) * contact.local_normal);
