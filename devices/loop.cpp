@@ -38,6 +38,17 @@ double braking_speed(double distance, double acceleration, double dt) {
     return m * A + std::max(0.0, D - A * m * (m + 1) / 2) / (m + 1);
 }
 
+/// Commands come as often as ticks, at a phase of their own. Ticks are moved to shortly after they come, so that what a
+/// finger feels is a few milliseconds old and not up to a period: once by a longer period, then by little.
+void keep_pace(ThimbleLoop& loop, double waited) {
+    loop.latency.add(waited);
+    const double period = loop.settings.period, late = waited - loop.settings.command_wait;
+    if (late > 0.25 * period)
+        loop.next_tick += period - std::fmod(late, period);
+    else
+        loop.next_tick -= std::clamp(0.2 * late, -0.02 * period, 0.02 * period);
+}
+
 }  // namespace
 
 int limit_command(const Coordinates& target, const Coordinates& min, const Coordinates& max, const SlewLimits& limits,
@@ -92,9 +103,14 @@ bool tick(ThimbleLoop& loop, double now) {
     loop.next_tick = (s.ticks ? loop.next_tick + missed * period : now) + period;
     ++s.ticks;
 
+    if (loop.rearm_asked.exchange(false)) rearm(loop, now);
     ThimbleCommand command;
-    if (loop.mailbox.take(command) && command.valid && command.q.size() == loop.q.size()) loop.newest = command;
-    s.age = loop.newest.valid ? now - loop.newest.time : HUGE_VAL;
+    if (loop.mailbox.take(command) && command.valid && command.q.size() == loop.q.size()) {
+        loop.newest = command;
+        loop.newest_at = now;
+        if (command.sampled_at > 0) keep_pace(loop, now - command.sampled_at);
+    }
+    s.age = loop.newest.valid ? now - loop.newest_at : HUGE_VAL;
     if (s.mode != ThimbleMode::fault) {
         const ThimbleMode wanted = loop.parked || s.age > loop.settings.rest_after ? ThimbleMode::resting
                                    : s.age > loop.settings.hold_after              ? ThimbleMode::holding
@@ -107,22 +123,26 @@ bool tick(ThimbleLoop& loop, double now) {
                                                                 : loop.q;
     s.altered += limit_command(target, loop.model.joint_min, loop.model.joint_max, loop.settings.limits, period, loop.q,
                                loop.velocity);
-    if (s.mode == ThimbleMode::fault) return true;
-    if (loop.driver->send(loop.q, now) == DriverStatus::fault) {
+    if (s.mode != ThimbleMode::fault && loop.driver->send(loop.q, now) == DriverStatus::fault) {
         s.mode = ThimbleMode::fault;  // latched until rearm
         ++s.faults;
     }
+    loop.reports.publish({loop.q, loop.driver->actual(now), s});
     return true;
 }
 
 void park(ThimbleLoop& loop) { loop.parked = true; }
 
-void rearm(ThimbleLoop& loop, double now) {
+bool at_rest(const ThimbleLoop& loop) { return (loop.q - loop.rest_q).cwiseAbs().maxCoeff() < 1e-6; }
+
+bool rearm(ThimbleLoop& loop, double now) {
+    if (!loop.driver->rearm()) return false;
     const Coordinates actual = loop.driver->actual(now);
     if (actual.size() == loop.q.size() && actual.allFinite()) loop.q = actual;
     loop.velocity.setZero();
     loop.newest = {};
     loop.status.mode = ThimbleMode::resting;
+    return true;
 }
 
 }  // namespace palpate

@@ -2,11 +2,13 @@
 // The outer loop of a thimble: 50 times a second it takes the newest configuration from its mailbox and
 // sends joint angles that are finite, in range and slew-limited, whatever came in.
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 
 #include "devices/command.h"
 #include "devices/drivers/driver.h"
+#include "devices/histogram.h"
 
 namespace palpate {
 
@@ -23,10 +25,11 @@ int limit_command(const Coordinates& target, const Coordinates& min, const Coord
                   double dt, Coordinates& q, Coordinates& velocity);
 
 struct ThimbleLoopSettings {
-    double period = 0.020;       ///< [s]
-    double hold_after = 0.060;   ///< no valid solve for this long: hold [s]
-    double rest_after = 0.120;   ///< then slew to the rest configuration [s]
-    double rest_within = 0.500;  ///< time allowed to reach it [s]
+    double period = 0.020;         ///< [s]
+    double command_wait = 0.0025;  ///< from tracked pose to tick that real-time schedules are moved to [s]
+    double hold_after = 0.060;     ///< no valid solve for this long: hold [s]
+    double rest_after = 0.120;     ///< then slew to the rest configuration [s]
+    double rest_within = 0.500;    ///< time allowed to reach it [s]
     SlewLimits limits;
 };
 
@@ -37,7 +40,13 @@ struct ThimbleStatus {
     ThimbleMode mode = ThimbleMode::resting;
     std::int64_t ticks = 0, misses = 0, altered = 0, faults = 0, stale = 0;
     double worst_lateness = 0;  ///< [s]
-    double age = 0;             ///< of the newest valid command [s]
+    double age = 0;             ///< since the newest valid command came [s]
+};
+
+/// What a loop tells those that watch it, in every tick.
+struct ThimbleReport {
+    Coordinates sent, actual;  ///< [rad]
+    ThimbleStatus status;
 };
 
 /// State of one thimble's loop. Plain data; `tick` advances it.
@@ -46,13 +55,17 @@ struct ThimbleLoop {
     ThimbleLoopSettings settings;
     std::unique_ptr<Driver> driver;
     ThimbleMailbox mailbox;
+    Mailbox<ThimbleReport> reports;  ///< for one reader
     ThimbleCommand newest;
+    double newest_at = 0;     ///< when it came [s]
     Coordinates q, velocity;  ///< sent last [rad], [rad/s]
     Coordinates rest_q;       ///< joint angles of the rest configuration
     double next_tick = 0;     ///< [s]
     double resting_since = -1;
-    bool parked = false;  ///< shutting down: rest pose whatever comes in
+    std::atomic<bool> parked = false;       ///< shutting down: rest pose whatever comes in
+    std::atomic<bool> rearm_asked = false;  ///< the next tick clears a latched fault, if its cause is gone
     ThimbleStatus status;
+    LatencyHistogram latency;  ///< from tracked pose to driver, where commands carry it
 };
 
 /// Starts at rest. Throws std::invalid_argument with sentences where the device or the settings are wrong.
@@ -66,7 +79,11 @@ bool tick(ThimbleLoop& loop, double now);
 /// From now on the rest pose is commanded.
 void park(ThimbleLoop& loop);
 
-/// Clears a latched fault, from the driver's actual angles. The only way out of `fault`.
-void rearm(ThimbleLoop& loop, double now);
+/// Starts from the driver's actual angles, at rest, and clears a latched fault if its cause is gone: the only way out
+/// of `fault`. Called by the thread that ticks; others set rearm_asked.
+bool rearm(ThimbleLoop& loop, double now);
+
+/// Whether the rest pose was reached.
+bool at_rest(const ThimbleLoop& loop);
 
 }  // namespace palpate

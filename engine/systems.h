@@ -7,7 +7,8 @@
 
 namespace palpate {
 
-/// Takes the incoming sample of each tracker if it is valid, filtered where the tracker has a filter; counts the others.
+/// Takes the incoming sample of each tracker if it is valid, filtered where the tracker has a filter; counts the
+/// others.
 void read_trackers(Table<TrackerPose>& trackers, Table<PoseFilter>& filters);
 
 /// Aims each finger's bone at its tracked pose: writes the bone springs of its lane.
@@ -42,6 +43,6 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::t
                    Table<Matching>& matchings);
 
 /// Puts each fresh result into its thimble's mailbox.
-void publish(const Table<Matching>& matchings, double time, Table<DeviceLink>& links);
+void publish(const Table<Matching>& matchings, double time, double sampled_at, Table<DeviceLink>& links);
 
 }  // namespace palpate

@@ -145,12 +145,13 @@ struct World {
     Vec3<double> gravity{0, 0, -9.81};       ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;
     BodySolve body_solve;
-    Table<Matching> matchings;               ///< per thimble
-    Table<DeviceLink> device_links;          ///< per thimble with a device
+    Table<Matching> matchings;       ///< per thimble
+    Table<DeviceLink> device_links;  ///< per thimble with a device
     std::vector<SkinChunk<double>> double_chunks;
     std::vector<SkinChunk<float>> float_chunks;
 
     StepProfile profile;
+    double sampled_at = 0;     ///< when the step's tracked poses were read [s of a steady clock]; 0: simulated time
     std::int64_t crowded = 0;  ///< chunk-steps with more objects near than contact slots
 };
 

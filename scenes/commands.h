@@ -16,6 +16,11 @@ Action add_device_command(CLI::App& program);
 Action add_compare_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_explain_command(CLI::App& program);
 Action add_replay_command(CLI::App& program, const std::atomic<bool>& stop);
+Action add_devices_command(CLI::App& program);
+Action add_doctor_command(CLI::App& program);
+Action add_home_command(CLI::App& program);
+Action add_jog_command(CLI::App& program, const std::atomic<bool>& stop);
+Action add_calibrate_thimble_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_view_command(CLI::App& program, const std::atomic<bool>& stop);
 
 }  // namespace palpate

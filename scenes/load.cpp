@@ -6,6 +6,7 @@
 #include "meshes/input_error.h"
 #include "meshes/surface.h"
 #include "scenes/finger_mesh.h"
+#include "scenes/load_devices.h"
 #include "scenes/scene.h"
 #include "scenes/section.h"
 
@@ -146,44 +147,6 @@ void read_filter(Section s, std::optional<PoseFilter>& filter) {
     filter->turn_factor = s.number("Hz_per_deg_per_s", filter->turn_factor, 0, 100);
     filter->speed_cutoff = s.number("speed_cutoff_Hz", filter->speed_cutoff, 1e-3, 1000);
     s.finish();
-}
-
-/// device = { kind, method, ... } of a finger.
-void read_device(Section s, int finger, Scene& scene) {
-    if (!s) return;
-    ThimbleSpec t;
-    t.finger = finger;
-    const std::string kind = s.choice("kind", "chinello-3rrs", kind_names());
-    t.model = find_kind(kind)->defaults();
-    parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane"}), t.method);
-    t.period = s.number("period_ms", 20, 1, 1000, ms);
-    t.settings.tolerance = s.number("tolerance", t.settings.tolerance, 1e-12, 0.1);
-    t.settings.evaluations = s.integer("evaluations", t.settings.evaluations, 3, 100000);
-    t.settings.smoothing = s.number("smoothing", 0, 0, 1e6);
-    t.settings.non_contact = s.boolean("non_contact", true);
-    t.model.disk_radius = s.number("platform_radius_mm", t.model.disk_radius / mm, 0.1, 100, mm);
-    t.model.clearance = s.number("clearance_mm", t.model.clearance / mm, 0, 10, mm);
-    const double low = s.number("joint_min_deg", t.model.joint_min[0] / degree, -180, 180, degree);
-    const double high = s.number("joint_max_deg", t.model.joint_max[0] / degree, -180, 180, degree);
-    if (s.has("joint_min_deg")) t.model.joint_min.setConstant(low);
-    if (s.has("joint_max_deg")) t.model.joint_max.setConstant(high);
-    Section geometry = s.table("geometry_mm");
-    for (std::size_t i = 0; i < t.model.kind->geometry_names.size(); ++i)
-        t.model.geometry[i] = geometry.number(t.model.kind->geometry_names[i], t.model.geometry[i] / mm, 0.01, 500, mm);
-    geometry.finish();
-    if (s.has("mount_mm")) {
-        const Vec3<double> p = s.vector("mount_mm", {0, 0, 0}, 200, mm);
-        t.model.mount.translation() << p.x, p.y, p.z;
-    } else {
-        // Seated so that the undeformed pad touches the level platform at dz = 24.6 mm, near the middle of
-        // its range: pressing, and then rolling, passes the height at which the device rolls farthest.
-        double lowest = 0;
-        for (const Point& p : scene.spec.fingers[finger].mesh.nodes) lowest = std::min(lowest, p[2]);
-        t.model.mount.translation().z() = lowest + 0.0246;
-    }
-    for (const auto& sentence : validate(t.model)) s.complain("kind", sentence);
-    s.finish();
-    scene.spec.thimbles.push_back(t);
 }
 
 /// A closed surface from a file as an object's shape.
@@ -349,23 +312,10 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         scene.mesh_notes.push_back(note);
         scene.spec.fingers.push_back(std::move(f));
         scene.finger_motions.push_back(std::move(motion));
-        read_device(s.table("device"), index, scene);
+        read_device(s.table("device"), index, folder, scene);
         s.finish();
     }
     if (scene.spec.fingers.empty()) root.complain("finger", "a scene needs at least one [[finger]]");
-}
-
-void read_thimble_loop(Section s, Scene& scene) {
-    scene.loop.period = s.number("period_ms", scene.loop.period / ms, 1, 1000, ms);
-    scene.loop.limits.velocity = s.number("velocity_rad_per_s", scene.loop.limits.velocity, 0.01, 50);
-    scene.loop.limits.acceleration = s.number("acceleration_rad_per_s2", scene.loop.limits.acceleration, 0.1, 10000);
-    Section servo = s.table("servo");
-    scene.servo.pulse_step_us = servo.number("pulse_step_us", scene.servo.pulse_step_us, 0.01, 50);
-    scene.servo.us_per_rad = servo.number("us_per_rad", scene.servo.us_per_rad, 51, 5000);
-    scene.servo.delay_s = servo.number("delay_ms", scene.servo.delay_s / ms, 0, 999, ms);
-    scene.servo.slew_rad_per_s = servo.number("slew_rad_per_s", scene.servo.slew_rad_per_s, 0.11, 100);
-    servo.finish();
-    s.finish();
 }
 
 void read_scene(const toml::table& table, Scene& scene, Problems& problems) {

@@ -27,6 +27,11 @@ int main(int argc, char** argv) {
     actions["compare"] = palpate::add_compare_command(program, stop_requested);
     actions["replay"] = palpate::add_replay_command(program, stop_requested);
     actions["view"] = palpate::add_view_command(program, stop_requested);
+    actions["devices"] = palpate::add_devices_command(program);
+    actions["doctor"] = palpate::add_doctor_command(program);
+    actions["home"] = palpate::add_home_command(program);
+    actions["jog"] = palpate::add_jog_command(program, stop_requested);
+    actions["calibrate-thimble"] = palpate::add_calibrate_thimble_command(program, stop_requested);
     actions["explain"] = palpate::add_explain_command(program);
     try {
         program.parse(argc, argv);

@@ -1,3 +1,4 @@
+#include <poll.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -5,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/commands.h"
+#include "scenes/hardware.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/viewer/report.h"
@@ -18,7 +20,7 @@ struct RunArguments {
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0, pads_per_second = 0;
-    bool quiet = false, json = false, statics = false;
+    bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false;
 };
 
 /// A bar on a terminal, nothing elsewhere.
@@ -34,6 +36,20 @@ std::function<void(double)> progress_bar(bool quiet) {
     };
 }
 
+/// Enter on a terminal clears the faults of thimbles whose cause is gone.
+struct RearmKey {
+    bool listens = isatty(STDIN_FILENO) != 0;
+    int steps = 0;
+    void look(Simulation& s) {
+        if (!listens || ++steps % 20) return;
+        pollfd p{STDIN_FILENO, POLLIN, 0};
+        if (::poll(&p, 1, 0) <= 0) return;
+        char line[64];
+        listens = ::read(STDIN_FILENO, line, sizeof line) > 0;
+        for (auto& loop : s.loops) loop->rearm_asked = listens;
+    }
+};
+
 int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
@@ -47,11 +63,17 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     ReportRecorder report;
     const auto show = progress_bar(a.quiet);
+    if (a.arm)
+        arm(simulation, {!a.no_watchdog, folder});
+    else if (!a.quiet && !a.json && drives_hardware(simulation.scene))
+        std::printf("thimbles are simulated; --arm moves the real ones\n");
     std::unique_ptr<PadSeries> pads;
     if (a.pads_per_second > 0) pads = std::make_unique<PadSeries>(folder, a.pads_per_second);
     std::unique_ptr<RunWriter> record;
     if (!a.record.empty()) record = std::make_unique<RunWriter>(a.record, simulation, overrides);
+    RearmKey rearm_key;
     run(simulation, stop, [&](const StepInputs& inputs, double share) {
+        if (a.arm) rearm_key.look(simulation);
         if (!a.report.empty()) report.record(simulation);
         if (record) record->record(inputs, simulation);
         if (pads) pads->record(simulation);
@@ -61,6 +83,7 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     const auto files = write_results(folder, simulation, summary);
     if (pads) pads->finish(simulation);
     if (!a.report.empty()) report.write(a.report, simulation, summary);
+    if (a.arm && !a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
     else if (!a.quiet)
@@ -90,6 +113,9 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--duration", a->duration, "seconds to simulate (default: the scene's)")
         ->check(CLI::Range(1e-3, 1e5));
     c->add_flag("--static", a->statics, "static equilibrium in every step: no inertia, no damping");
+    c->add_flag("--arm", a->arm, "drive real thimbles, in real time; without it nothing moves");
+    c->add_flag("--no-watchdog", a->no_watchdog,
+                "drive controllers that would hold their force if palpate were killed");
     c->add_flag("--quiet", a->quiet, "print nothing but errors");
     c->add_flag("--json", a->json, "print the summary as JSON");
     return [a, &stop] { return run_scene(*a, stop); };

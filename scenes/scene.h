@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "devices/drivers/board.h"
 #include "devices/drivers/simulated.h"
 #include "devices/loop.h"
 #include "engine/build.h"
@@ -17,8 +18,16 @@ namespace palpate {
 /// What moves a finger: a script relative to the hand's script, or a recorded hand.
 struct FingerMotion {
     std::vector<Keyframe> keyframes;
-    int recorded_finger = -1;  ///< index into finger_names; -1: scripted
+    int recorded_finger = -1;                     ///< index into finger_names; -1: scripted
     Pose<double> fit = Pose<double>::identity();  ///< tracked finger -> model finger, in the tracked finger's frame
+};
+
+/// What drives a thimble once armed.
+struct DriverSpec {
+    std::string driver = "simulated";
+    std::string serial, port;              ///< of the controller: USB serial number, or tty
+    std::vector<int> channels;             ///< per joint
+    std::vector<ServoCalibration> servos;  ///< per joint
 };
 
 struct Scene {
@@ -33,7 +42,8 @@ struct Scene {
     Pose<double> recording_pose = Pose<double>::identity();  ///< recorded frame -> world
     double recording_start = 0;                              ///< time in the recording at scene time 0 [s]
     ThimbleLoopSettings loop;
-    ServoModel servo;
+    ServoModel servo;                     ///< of simulated thimbles
+    std::vector<DriverSpec> drivers;      ///< per thimble
     std::vector<std::string> mesh_notes;  ///< per finger: what was built, what was guessed
 };
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "scenes/grasp.h"
+#include "scenes/hardware.h"
 
 namespace palpate {
 
@@ -21,8 +22,8 @@ const std::vector<std::string> thimble_columns{
     "sent1_deg",       "sent2_deg",         "sent3_deg",      "servo1_deg", "servo2_deg", "servo3_deg",
     "matching_rms_mm", "constraint_active", "contact_matched"};
 const std::vector<std::string> step_columns{
-    "time_s",           "read_trackers_us", "couple_us", "detect_contacts_us", "solve_skin_us", "solve_bodies_us",
-    "extract_contact_us", "match_devices_us", "publish_us",       "total_us"};
+    "time_s",          "read_trackers_us",   "couple_us",        "detect_contacts_us", "solve_skin_us",
+    "solve_bodies_us", "extract_contact_us", "match_devices_us", "publish_us",         "total_us"};
 constexpr double degrees = 57.29577951308232;
 
 int thimble_of(const World& world, EntityId finger) {
@@ -48,12 +49,12 @@ void record_finger(Simulation& s, std::size_t i) {
     const int t = thimble_of(w, finger);
     if (t < 0) return;
     const Matching& m = w.matchings[t];
-    ThimbleLoop& loop = *s.loops[t];
-    const Coordinates servo = loop.driver->actual(w.time);
+    const ThimbleReport seen = s.hardware ? newest_report(*s.hardware, t)
+                                          : ThimbleReport{s.loops[t]->q, s.loops[t]->driver->actual(w.time), {}};
     out.push_back(m.result.w[0] * degrees);
     out.push_back(m.result.w[1] * degrees);
     out.push_back(m.result.w[2] * 1e3);
-    for (const Coordinates* q : std::array<const Coordinates*, 3>{&m.result.q, &loop.q, &servo})
+    for (const Coordinates* q : std::array<const Coordinates*, 3>{&m.result.q, &seen.sent, &seen.actual})
         for (int k = 0; k < 3; ++k) out.push_back((*q)[k] * degrees);
     out.push_back(1e3 * m.result.rms_m);
     out.push_back(m.result.constraint_active);
@@ -61,6 +62,11 @@ void record_finger(Simulation& s, std::size_t i) {
 }
 
 }  // namespace
+
+Simulation::Simulation() = default;
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 Simulation make_simulation(Scene scene, int threads) {
     Simulation s;
@@ -114,14 +120,16 @@ void advance(Simulation& s, const StepInputs& inputs) {
         w.tracker_poses.find(w.couplings.find(s.fingers[i])->tracker)->incoming = inputs.fingers[i];
     for (std::size_t i = 0; i < w.shapes.size(); ++i)
         if (w.shapes[i].body < 0) w.shapes[i].pose = inputs.objects[i];
+    if (s.hardware) w.sampled_at = device_clock();
     step(w, *s.arena);
-    for (auto& loop : s.loops) tick(*loop, w.time);
+    if (!s.hardware)
+        for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
     record_bodies(s);
     const StepProfile& p = w.profile;
     s.step_series.values.push_back(w.time);
-    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.solve_bodies, p.extract_contact,
-                           p.match_devices, p.publish, p.total()})
+    for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.solve_bodies,
+                           p.extract_contact, p.match_devices, p.publish, p.total()})
         s.step_series.values.push_back(1e6 * seconds);
 }
 
@@ -132,7 +140,9 @@ void run(Simulation& s, const std::atomic<bool>& stop,
         const StepInputs inputs = next_inputs(s);
         advance(s, inputs);
         if (after_step) after_step(inputs, double(k + 1) / double(steps));
+        if (s.hardware) wait_for_real_time(*s.hardware, s.world.solver.dt);
     }
+    if (s.hardware) return disarm(s);
     for (auto& loop : s.loops) park(*loop);
     // Half a second more for the thimbles alone, to reach their rest pose.
     for (double t = s.world.time; t < s.world.time + s.scene.loop.rest_within; t += 0.25 * s.scene.loop.period)

@@ -11,7 +11,13 @@
 
 namespace palpate {
 
+struct Hardware;
+
 struct Simulation {
+    Simulation();
+    ~Simulation();
+    Simulation(Simulation&&) noexcept;
+    Simulation& operator=(Simulation&&) noexcept;
     Scene scene;
     World world;
     std::unique_ptr<oneapi::tbb::task_arena> arena;
@@ -21,6 +27,7 @@ struct Simulation {
     std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
     std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
     Series step_series;                               ///< wall time per system, one row per step
+    std::unique_ptr<Hardware> hardware;               ///< null: thimbles tick in simulated time
 };
 
 /// Threads: 0 = as many as the machine has.

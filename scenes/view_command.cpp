@@ -8,6 +8,7 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/commands.h"
+#include "scenes/hardware.h"
 #include "scenes/trackers/udp_hand.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
@@ -21,7 +22,7 @@ struct ViewArguments {
     std::vector<std::string> overrides;
     int threads = 0, port = 8420, hand_port = -1;
     std::string hand = "right";
-    bool any_address = false;
+    bool any_address = false, arm = false, no_watchdog = false;
 };
 
 /// The scene's main settings as sliders: label, the keys they change, range and value now.
@@ -71,7 +72,10 @@ struct LiveRun {
                             {"summary", ""},
                             {"scene", read_file(scene.file)},
                             {"settings", settings_of(scene)}};
+        if (simulation) disarm(*simulation);
+        simulation.reset();  // its controllers are free again
         simulation = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        if (arguments.arm) palpate::arm(*simulation, {!arguments.no_watchdog, "."});
         data["stage"] = stage_of(*simulation);
         if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
         page_data = std::move(data);
@@ -116,6 +120,8 @@ struct LiveRun {
         if (command.contains("pause") && command["pause"].is_boolean()) paused = command["pause"];
         if (command.contains("step")) ++single_steps;
         if (command.contains("restart")) start();
+        if (command.contains("rearm"))
+            for (auto& loop : simulation->loops) loop->rearm_asked = true;
         if (command.contains("speed") && command["speed"].is_number())
             speed = std::clamp(command["speed"].get<double>(), 0.01, 10.0);
         if (command.contains("set") && command["set"].is_array()) set(command["set"]);
@@ -162,6 +168,10 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         std::this_thread::sleep_until(std::min(due, now + std::chrono::milliseconds(50)));
         if (live.paused) due = Clock::now() + std::chrono::milliseconds(10);
     }
+    if (a.arm) {
+        disarm(*live.simulation);
+        std::printf("%s", hardware_report(*live.simulation).c_str());
+    }
     if (hand) {
         const UdpHandCounts counts = hand->counts();
         std::printf("%lld frames of the hand, %lld messages that were none%s%s\n", (long long)counts.frames,
@@ -182,6 +192,9 @@ Action add_view_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--hand-port", a->hand_port, "fingers that follow a hand follow one that arrives on this UDP port")
         ->check(CLI::Range(0, 65535));
     c->add_option("--hand", a->hand, "which hand (default: right)")->check(CLI::IsMember({"left", "right"}));
+    c->add_flag("--arm", a->arm, "drive real thimbles; without it nothing moves");
+    c->add_flag("--no-watchdog", a->no_watchdog,
+                "drive controllers that would hold their force if palpate were killed");
     c->add_flag("--any-address", a->any_address, "let other machines watch and steer, too (default: this one only)");
     return [a, &stop] { return view_scene(*a, stop); };
 }

@@ -3,7 +3,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/.."
-.ci/install-packages
+.ci/install-packages libumockdev-dev pkgconf
 cmake --preset release -DPALPATE_TESTS=ON -DPALPATE_BENCH=ON
 cmake --build --preset release
 ctest --preset release -j2 "$@"

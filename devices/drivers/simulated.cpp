@@ -8,9 +8,7 @@ namespace palpate {
 std::vector<std::string> ServoModel::validate() const {
     std::vector<std::string> wrong;
     if (!(pulse_step_us > 0 && pulse_step_us <= 50)) wrong.emplace_back("pulse_step_us must be between 0 and 50");
-    if (!(us_per_rad > 50 && us_per_rad < 5000)) wrong.emplace_back("us_per_rad must be between 50 and 5000");
-    if (!(min_us < neutral_us && neutral_us < max_us))
-        wrong.emplace_back("the neutral pulse must lie between the shortest and the longest");
+    for (auto& sentence : calibration.validate()) wrong.push_back(std::move(sentence));
     if (!(delay_s >= 0 && delay_s < 1)) wrong.emplace_back("the servo delay must be between 0 and 1000 ms");
     if (!(slew_rad_per_s > 0.1 && slew_rad_per_s < 100))
         wrong.emplace_back("the servo's slew rate must be between 0.1 and 100 rad/s");
@@ -28,10 +26,10 @@ class SimulatedDriver final : public Driver {
     DriverStatus send(const Coordinates& q, double now) override {
         advance(now);
         Coordinates target(q.size());
+        const ServoCalibration& c = servo_.calibration;
         for (int i = 0; i < q.size(); ++i) {
-            const double us = std::clamp(servo_.neutral_us + servo_.us_per_rad * q[i], servo_.min_us, servo_.max_us);
-            target[i] =
-                (std::round(us / servo_.pulse_step_us) * servo_.pulse_step_us - servo_.neutral_us) / servo_.us_per_rad;
+            const double us = std::clamp(c.zero + c.units_per_rad * q[i], c.min, c.max);
+            target[i] = (std::round(us / servo_.pulse_step_us) * servo_.pulse_step_us - c.zero) / c.units_per_rad;
         }
         pulses_[next_] = {now + servo_.delay_s, target};
         next_ = (next_ + 1) % pulses_.size();

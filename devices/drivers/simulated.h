@@ -5,16 +5,15 @@
 #include <memory>
 
 #include "devices/drivers/driver.h"
+#include "devices/drivers/servo.h"
 
 namespace palpate {
 
 struct ServoModel {
     double pulse_step_us = 0.25;  ///< resolution of the pulse
-    double us_per_rad = 636.62;   ///< 1000 us for 90 degrees
-    double neutral_us = 1500;
-    double min_us = 992, max_us = 2000;  ///< range of the controller
-    double delay_s = 0.020;              ///< the pulse that is read is one frame old
-    double slew_rad_per_s = 8.7;         ///< 60 degrees in 0.12 s
+    ServoCalibration calibration;
+    double delay_s = 0.020;       ///< the pulse that is read is one frame old
+    double slew_rad_per_s = 8.7;  ///< 60 degrees in 0.12 s
     std::vector<std::string> validate() const;
 };
 

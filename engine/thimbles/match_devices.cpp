@@ -41,11 +41,11 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::t
         [&] { oneapi::tbb::parallel_for(std::size_t(0), matchings.size(), solve, oneapi::tbb::simple_partitioner()); });
 }
 
-void publish(const Table<Matching>& matchings, double time, Table<DeviceLink>& links) {
+void publish(const Table<Matching>& matchings, double time, double sampled_at, Table<DeviceLink>& links) {
     for (std::size_t row = 0; row < links.size(); ++row) {
         const Matching* m = matchings.find(links.owner(row));
         if (!m || !m->fresh || !links[row].mailbox) continue;
-        links[row].mailbox->publish({time, m->result.q, m->result.status != MatchingStatus::kept});
+        links[row].mailbox->publish({time, m->result.q, m->result.status != MatchingStatus::kept, sampled_at});
     }
 }
 

@@ -158,8 +158,9 @@ TEST(SimulatedServo, QuantisesDelaysAndSlews) {
     driver->actual(0.05);
     EXPECT_NEAR(driver->actual(0.10)[0], 0.12, 0.021);  // slewing at 2 rad/s
     const double settled = driver->actual(1.0)[0];
-    EXPECT_NEAR(settled * servo.us_per_rad / 10, std::round(settled * servo.us_per_rad / 10), 1e-9);
-    EXPECT_NEAR(settled, 0.3, 5.1 / servo.us_per_rad);
+    EXPECT_NEAR(settled * servo.calibration.units_per_rad / 10,
+                std::round(settled * servo.calibration.units_per_rad / 10), 1e-9);
+    EXPECT_NEAR(settled, 0.3, 5.1 / servo.calibration.units_per_rad);
 }
 
 TEST(Mailbox, NewestWinsAcrossThreads) {

@@ -1,0 +1,379 @@
+#include "devices/drivers/maestro.h"
+
+#include <libusb.h>
+#include <sys/time.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <thread>
+
+#include "devices/drivers/maestro_protocol.h"
+
+namespace palpate::maestro {
+
+namespace {
+
+constexpr unsigned timeout_ms = 100;
+
+struct ContextDeleter {
+    void operator()(libusb_context* c) const { libusb_exit(c); }
+};
+struct HandleDeleter {
+    void operator()(libusb_device_handle* h) const { libusb_close(h); }
+};
+using Context = std::unique_ptr<libusb_context, ContextDeleter>;
+using Handle = std::unique_ptr<libusb_device_handle, HandleDeleter>;
+
+Context open_context() {
+    libusb_context* raw = nullptr;
+    const int rc = libusb_init(&raw);
+    if (rc != 0) throw std::runtime_error(std::string("USB cannot be used: ") + libusb_strerror(rc));
+    return Context(raw);
+}
+
+/// A transfer that waits. Returns what came back for reads; throws libusb's word where it failed.
+std::vector<std::uint8_t> transfer(libusb_device_handle* handle, const Request& r) {
+    std::vector<std::uint8_t> data(r.length);
+    const int n =
+        libusb_control_transfer(handle, r.type, r.request, r.value, r.index, data.data(), r.length, timeout_ms);
+    if (n < 0) throw std::runtime_error(libusb_strerror(n));
+    if (n != r.length)
+        throw std::runtime_error("a reply of " + std::to_string(n) + " bytes where " + std::to_string(r.length) +
+                                 " were expected");
+    return data;
+}
+
+std::string string_of(libusb_device_handle* handle, std::uint8_t index) {
+    unsigned char text[128];
+    const int n = index ? libusb_get_string_descriptor_ascii(handle, index, text, sizeof text) : 0;
+    if (n < 0) throw std::runtime_error(libusb_strerror(n));
+    return std::string(text, text + n);
+}
+
+int parameter(libusb_device_handle* handle, int which, int bytes) {
+    const auto reply = transfer(handle, get_parameter(which, bytes));
+    return bytes == 1 ? reply[0] : reply[0] | reply[1] << 8;
+}
+
+std::vector<std::uint8_t> servo_settings(libusb_device_handle* handle, int channels) {
+    return transfer(handle, channels == 6 ? get_variables(6) : get_servo_settings(channels));
+}
+
+void ask(libusb_device_handle* handle, BoardInfo& info) {
+    info.watchdog_ms = 10 * parameter(handle, serial_timeout_parameter, 2);
+    const auto variables = parse_variables(info.channels, transfer(handle, get_variables(info.channels)));
+    if (variables) info.errors = describe_errors(variables->errors);
+    const auto settings = servo_settings(handle, info.channels);
+    for (int c = 0; c < info.channels; ++c) {
+        BoardInfo::Channel channel;
+        if (const auto s = parse_servo(info.channels, c, settings)) channel.position = s->position;
+        channel.min_us = 16.0 * parameter(handle, min_parameter(c), 1);
+        channel.max_us = 16.0 * parameter(handle, max_parameter(c), 1);
+        channel.home = parameter(handle, home_parameter(c), 2);
+        info.servos.push_back(channel);
+    }
+}
+
+/// What a device is, if it is a board; with its handle, where it could be opened.
+std::optional<BoardInfo> identify(libusb_device* device, Handle& handle) {
+    libusb_device_descriptor d;
+    if (libusb_get_device_descriptor(device, &d) != 0 || d.idVendor != vendor) return std::nullopt;
+    const auto channels = channels_of_product(d.idProduct);
+    if (!channels) return std::nullopt;
+    BoardInfo info;
+    info.bus = libusb_get_bus_number(device);
+    info.address = libusb_get_device_address(device);
+    info.channels = *channels;
+    info.product = *channels ? "Maestro " + std::to_string(*channels) : "Maestro in its bootloader";
+    char firmware[16];
+    std::snprintf(firmware, sizeof firmware, "%x.%02x", unsigned(d.bcdDevice) >> 8, unsigned(d.bcdDevice) & 0xff);
+    info.firmware = firmware;
+    libusb_device_handle* raw = nullptr;
+    const int rc = libusb_open(device, &raw);
+    if (rc != 0) {
+        info.denied = rc == LIBUSB_ERROR_ACCESS;
+        info.problem = info.denied ? "no permission to open it" : libusb_strerror(rc);
+        return info;
+    }
+    handle.reset(raw);
+    try {
+        info.serial = string_of(raw, d.iSerialNumber);
+    } catch (const std::exception& error) {
+        info.problem = std::string("its serial number cannot be read: ") + error.what();
+    }
+    return info;
+}
+
+/// Calls visit(info, handle) for every board.
+template <class Visit>
+void each_board(libusb_context* context, Visit visit) {
+    libusb_device** list = nullptr;
+    const auto count = libusb_get_device_list(context, &list);
+    if (count < 0) throw std::runtime_error(std::string("USB cannot be listed: ") + libusb_strerror(int(count)));
+    for (std::ptrdiff_t i = 0; i < count; ++i) {
+        Handle handle;
+        if (auto info = identify(list[i], handle)) visit(*info, handle);
+    }
+    libusb_free_device_list(list, 1);
+}
+
+/// The board with a serial number, or the only one. Throws what is wrong.
+std::pair<BoardInfo, Handle> open_board(libusb_context* context, const std::string& serial) {
+    std::pair<BoardInfo, Handle> found;
+    std::string others, problems;
+    int fitting = 0;
+    each_board(context, [&](BoardInfo& info, Handle& handle) {
+        if (!info.problem.empty())
+            problems += "; a board at bus " + std::to_string(info.bus) + " address " + std::to_string(info.address) +
+                        ": " + info.problem;
+        others += (others.empty() ? "" : ", ") + (info.serial.empty() ? "?" : info.serial) +
+                  (info.channels ? "" : " (in its bootloader)");
+        if (!handle || !info.problem.empty() || info.channels == 0) return;
+        if (!serial.empty() && info.serial != serial) return;
+        ++fitting;
+        found = {info, std::move(handle)};
+    });
+    const std::string wanted = serial.empty() ? "a Maestro" : "the Maestro " + serial;
+    if (fitting == 0)
+        throw std::runtime_error(wanted + " was not found; on USB: " + (others.empty() ? "none" : others) + problems);
+    if (fitting > 1)
+        throw std::runtime_error("several Maestros are on USB (" + others +
+                                 "); say which by serial = \"...\" in the device");
+    return found;
+}
+
+class MaestroLink final : public BoardLink {
+  public:
+    explicit MaestroLink(LinkSettings settings) : settings_(std::move(settings)) {}
+    ~MaestroLink() override { close(); }
+
+    std::string open(std::span<WireValue> positions) override try {
+        close();
+        context_ = open_context();  // a fresh one: an old one may not see a board that came back
+        auto [info, handle] = open_board(context_.get(), settings_.serial);
+        channels_ = info.channels;
+        const int watchdog = 10 * parameter(handle.get(), serial_timeout_parameter, 2);
+        if (watchdog == 0 && settings_.need_watchdog)
+            throw std::runtime_error(
+                "the Maestro " + info.serial +
+                " has its watchdog off: servos would hold their force if this program were killed; "
+                "`palpate doctor --mend` sets it, --no-watchdog goes on without");
+        const auto reply = servo_settings(handle.get(), channels_);
+        for (int c = 0; c < channels_; ++c)
+            if (const auto s = parse_servo(channels_, c, reply)) positions[std::size_t(c)] = s->position;
+        for (const auto& [channel, speed] : settings_.speed_us_per_s) {
+            if (channel >= channels_)
+                throw std::runtime_error("channel " + std::to_string(channel) + " is not one of the " +
+                                         std::to_string(channels_) + " of the Maestro " + info.serial);
+            const double units = std::ceil(speed / 25);  // 0.25 us / 10 ms
+            transfer(handle.get(), set_speed(channel, std::uint16_t(std::clamp(units, 1.0, 16383.0))));
+        }
+        transfer(handle.get(), clear_errors());
+        handle_ = std::move(handle);
+        return "";
+    } catch (const std::exception& error) {
+        close();
+        return error.what();
+    }
+
+    void close() override {
+        if (abandoned_) {
+            // Transfers that USB never gave back still point here: leaving them is the only safe way.
+            (void)handle_.release();
+            (void)context_.release();
+            abandoned_ = false;
+        }
+        handle_.reset();
+        context_.reset();
+    }
+
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+        return send_all(
+            targets.size(), [&](std::size_t i) { return set_target(targets[i].channel, targets[i].value); }, arrived);
+    }
+
+    LinkProblem feed() override {
+        // Clearing errors feeds the watchdog, so they are asked for first.
+        char arrived[2]{};
+        const Request requests[2]{get_variables(channels_), clear_errors()};
+        if (const auto p = send_all(
+                2, [&](std::size_t i) { return requests[i]; }, arrived))
+            return p;
+        const Pending& reply = (*pending_)[0];
+        const auto variables = parse_variables(
+            channels_, std::span(reply.buffer + LIBUSB_CONTROL_SETUP_SIZE, std::size_t(reply.transfer->actual_length)));
+        if (!variables) return {"the Maestro answered with a reply of another length"};
+        // The serial timeout is what a pause before this program left behind.
+        constexpr std::uint16_t serial_timeout = 1 << 5;
+        const std::string errors = describe_errors(variables->errors & ~serial_timeout);
+        return errors.empty() ? LinkProblem{} : LinkProblem{"the Maestro reports errors: " + errors};
+    }
+
+  private:
+    static constexpr int longest_reply = 192;
+    struct Pending {
+        libusb_transfer* transfer = nullptr;
+        unsigned char buffer[LIBUSB_CONTROL_SETUP_SIZE + longest_reply];
+        bool done = true;
+        ~Pending() { libusb_free_transfer(transfer); }
+    };
+    static void LIBUSB_CALL finished(libusb_transfer* t) { static_cast<Pending*>(t->user_data)->done = true; }
+
+    template <class RequestOf>
+    LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<char> arrived);
+    bool wait_for_all(std::size_t count, int milliseconds);
+    static LinkProblem problem_of(int channel_index, const libusb_transfer& t);
+
+    LinkSettings settings_;
+    Context context_;
+    Handle handle_;
+    int channels_ = 0;
+    bool abandoned_ = false;
+    /// On the heap, so that what USB never gives back may outlive the link.
+    std::unique_ptr<std::array<Pending, max_channels>> pending_ = std::make_unique<std::array<Pending, max_channels>>();
+};
+
+bool MaestroLink::wait_for_all(std::size_t count, int milliseconds) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(milliseconds);
+    auto waiting = [&] {
+        for (std::size_t i = 0; i < count; ++i)
+            if (!(*pending_)[i].done) return true;
+        return false;
+    };
+    while (waiting()) {
+        if (std::chrono::steady_clock::now() >= end) return false;
+        timeval step{0, 5000};
+        libusb_handle_events_timeout_completed(context_.get(), &step, nullptr);
+    }
+    return true;
+}
+
+LinkProblem MaestroLink::problem_of(int which, const libusb_transfer& t) {
+    const std::string transfer = "transfer " + std::to_string(which);
+    switch (t.status) {
+        case LIBUSB_TRANSFER_COMPLETED:
+            return {};
+        case LIBUSB_TRANSFER_NO_DEVICE:
+            return {"the Maestro was unplugged", true};
+        case LIBUSB_TRANSFER_STALL:
+            return {"the Maestro refused " + transfer};
+        case LIBUSB_TRANSFER_TIMED_OUT:
+        case LIBUSB_TRANSFER_CANCELLED:
+            return {"the Maestro did not answer " + transfer + " in time"};
+        default:
+            return {transfer + " to the Maestro failed"};
+    }
+}
+
+template <class RequestOf>
+LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<char> arrived) {
+    if (!handle_ || abandoned_) return {"the Maestro is not open", true};
+    LinkProblem problem;
+    std::size_t submitted = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        Pending& p = (*pending_)[i];
+        if (!p.transfer) p.transfer = libusb_alloc_transfer(0);
+        const Request r = request_of(i);
+        libusb_fill_control_setup(p.buffer, r.type, r.request, r.value, r.index, r.length);
+        libusb_fill_control_transfer(p.transfer, handle_.get(), p.buffer, finished, &p, timeout_ms);
+        p.done = false;
+        const int rc = libusb_submit_transfer(p.transfer);
+        if (rc != 0) {
+            p.done = true;
+            problem = {rc == LIBUSB_ERROR_NO_DEVICE ? "the Maestro was unplugged" : libusb_strerror(rc),
+                       rc == LIBUSB_ERROR_NO_DEVICE};
+            break;
+        }
+        ++submitted;
+    }
+    if (!wait_for_all(submitted, int(timeout_ms) + 20)) {
+        for (std::size_t i = 0; i < submitted; ++i)
+            if (!(*pending_)[i].done) libusb_cancel_transfer((*pending_)[i].transfer);
+        if (!wait_for_all(submitted, 50)) {
+            abandoned_ = true;
+            pending_.release();  // see close()
+            pending_ = std::make_unique<std::array<Pending, max_channels>>();
+            return {"USB does not give the transfers to the Maestro back", true};
+        }
+    }
+    for (std::size_t i = 0; i < submitted; ++i) {
+        const libusb_transfer& t = *(*pending_)[i].transfer;
+        arrived[i] = t.status == LIBUSB_TRANSFER_COMPLETED;
+        if (const LinkProblem p = problem_of(int(i), t); p && (!problem || p.lost)) problem = p;
+    }
+    return problem;
+}
+
+class DryLink final : public BoardLink {
+  public:
+    DryLink(LinkSettings settings, const std::filesystem::path& log)
+        : settings_(std::move(settings)), log_(std::fopen(log.c_str(), "w"), &std::fclose), path_(log) {}
+
+    std::string open(std::span<WireValue>) override {
+        if (!log_) return path_.string() + ": cannot be written";
+        std::fputs("time_s,bmRequestType,bRequest,wValue,wIndex\n", log_.get());
+        for (const auto& [channel, speed] : settings_.speed_us_per_s)
+            line(set_speed(channel, std::uint16_t(std::ceil(speed / 25))));
+        line(clear_errors());
+        return "";
+    }
+    void close() override {
+        if (log_) std::fflush(log_.get());
+    }
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+        for (std::size_t i = 0; i < targets.size(); ++i) {
+            line(set_target(targets[i].channel, targets[i].value));
+            arrived[i] = 1;
+        }
+        return {};
+    }
+    LinkProblem feed() override {
+        line(clear_errors());
+        return {};
+    }
+
+  private:
+    void line(const Request& r) {
+        const double t = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+        std::fprintf(log_.get(), "%.4f,0x%02x,0x%02x,%u,%u\n", t, r.type, r.request, r.value, r.index);
+    }
+    LinkSettings settings_;
+    std::unique_ptr<FILE, int (*)(FILE*)> log_;
+    std::filesystem::path path_;
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+std::vector<BoardInfo> find_boards() {
+    const Context context = open_context();
+    std::vector<BoardInfo> boards;
+    each_board(context.get(), [&](BoardInfo& info, Handle& handle) {
+        if (handle && info.channels > 0 && info.problem.empty()) try {
+                ask(handle.get(), info);
+            } catch (const std::exception& error) { info.problem = std::string("it does not answer: ") + error.what(); }
+        boards.push_back(info);
+    });
+    return boards;
+}
+
+std::string set_watchdog(const std::string& serial, int timeout) try {
+    const Context context = open_context();
+    auto [info, handle] = open_board(context.get(), serial);
+    const auto value = std::uint16_t(std::clamp((timeout + 9) / 10, 1, 65535));
+    transfer(handle.get(), set_parameter(serial_timeout_parameter, 2, value));
+    transfer(handle.get(), reinitialise());
+    std::this_thread::sleep_for(std::chrono::milliseconds(60));  // the board needs 50
+    const int now = parameter(handle.get(), serial_timeout_parameter, 2);
+    return now == value ? "" : "the watchdog reads back as " + std::to_string(10 * now) + " ms";
+} catch (const std::exception& error) { return error.what(); }
+
+std::unique_ptr<BoardLink> make_link(const LinkSettings& settings) { return std::make_unique<MaestroLink>(settings); }
+
+std::unique_ptr<BoardLink> make_dry_link(const LinkSettings& settings, const std::filesystem::path& log) {
+    return std::make_unique<DryLink>(settings, log);
+}
+
+}  // namespace palpate::maestro

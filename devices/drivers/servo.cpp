@@ -1,0 +1,54 @@
+#include "devices/drivers/servo.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+std::vector<std::string> ServoCalibration::validate() const {
+    std::vector<std::string> wrong;
+    auto text = [](double x) { return std::to_string(x).substr(0, std::to_string(x).find('.') + 3); };
+    if (!(std::abs(units_per_rad) >= 50 && std::abs(units_per_rad) <= 5000))
+        wrong.push_back("a servo moves by 50 to 5000 units per radian, found " + text(units_per_rad));
+    if (!(min >= 64 && max <= 16000 && min < max))
+        wrong.push_back("a servo's range must lie between 64 and 16000 units, found " + text(min) + " to " + text(max));
+    if (!(zero >= min && zero <= max))
+        wrong.push_back("a servo's zero must lie in its range, found " + text(zero) + " outside " + text(min) + " to " +
+                        text(max));
+    return wrong;
+}
+
+namespace {
+
+double lowest(const ServoCalibration& servo, double steps_per_unit) { return std::ceil(servo.min * steps_per_unit); }
+double highest(const ServoCalibration& servo, double steps_per_unit) { return std::floor(servo.max * steps_per_unit); }
+
+}  // namespace
+
+WireValue wire_value(const ServoCalibration& servo, double steps_per_unit, double angle) {
+    if (!std::isfinite(angle)) return no_pulse;
+    const double value = std::round((servo.zero + servo.units_per_rad * angle) * steps_per_unit);
+    return WireValue(std::clamp(value, lowest(servo, steps_per_unit), highest(servo, steps_per_unit)));
+}
+
+WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, double speed_rad_per_s) {
+    return {WireValue(lowest(servo, steps_per_unit)), WireValue(highest(servo, steps_per_unit)),
+            std::abs(servo.units_per_rad) * steps_per_unit * speed_rad_per_s};
+}
+
+WireValue limit_wire(WireValue wanted, WireValue last, const WireLimits& limits, double elapsed) {
+    if (limits.max == 0 || limits.min > limits.max || wanted == no_pulse) return no_pulse;
+    double value = std::clamp(double(wanted), double(limits.min), double(limits.max));
+    if (last >= limits.min && last <= limits.max) {
+        const double time = std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, 0.1) : 0;
+        const double step = std::isfinite(limits.speed) ? std::floor(std::max(0.0, limits.speed) * time) : 0;
+        value = std::clamp(value, last - step, last + step);
+    }
+    return WireValue(value);
+}
+
+double angle_of(const ServoCalibration& servo, double steps_per_unit, WireValue value) {
+    return (value / steps_per_unit - servo.zero) / servo.units_per_rad;
+}
+
+}  // namespace palpate

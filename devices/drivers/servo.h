@@ -1,0 +1,39 @@
+#pragma once
+// From a joint angle to what a servo controller understands, and back.
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+/// How one servo sits in its thimble. Units are the controller's: microseconds of pulse, or ticks of a bus servo.
+struct ServoCalibration {
+    double zero = 1500;             ///< at joint angle 0 [units]
+    double units_per_rad = 636.62;  ///< negative where the servo turns the other way; 1000 us for 90 degrees
+    double min = 992, max = 2000;   ///< what may ever be sent [units]
+    std::vector<std::string> validate() const;
+};
+
+/// What a value on the wire counts: quarter microseconds, or ticks.
+using WireValue = std::uint16_t;
+inline constexpr WireValue no_pulse = 0;  ///< "no target": no controller here drives a servo with it
+
+/// The value for an angle [rad], inside the calibration's range; no_pulse for an angle that is not finite.
+WireValue wire_value(const ServoCalibration& servo, double steps_per_unit, double angle);
+/// Angle that a value on the wire means [rad].
+double angle_of(const ServoCalibration& servo, double steps_per_unit, WireValue value);
+
+/// What a channel may ever be sent.
+struct WireLimits {
+    WireValue min = 0, max = 0;  ///< max = 0: nothing at all
+    double speed = 0;            ///< [wire values per second]
+};
+WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, double speed_rad_per_s);
+
+/// The last function before the wire: towards `wanted` from what was sent `elapsed` seconds ago. Inside the range and
+/// the speed limit whatever comes in; a pause of more than 0.1 s earns no larger step. Where nothing is known of
+/// `last`, or it is out of range, the first value is sent as it is. no_pulse: nothing is to be sent.
+WireValue limit_wire(WireValue wanted, WireValue last, const WireLimits& limits, double elapsed);
+
+}  // namespace palpate

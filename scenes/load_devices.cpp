@@ -1,0 +1,150 @@
+#include "scenes/load_devices.h"
+
+#include <fstream>
+#include <numbers>
+
+#include "meshes/input_error.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr double mm = 1e-3, ms = 1e-3, degree = std::numbers::pi / 180;
+
+const std::vector<std::string> driver_names{"simulated",      "maestro",   "maestro-dry",
+                                            "maestro-serial", "dynamixel", "feetech"};
+
+/// Which controller drives a thimble, by which channels.
+DriverSpec read_driver(Section& s, int joints, const std::filesystem::path& folder) {
+    DriverSpec d;
+    d.driver = s.choice("driver", "simulated", driver_names);
+    d.serial = s.text("serial", "");
+    d.port = s.text("port", "");
+    d.channels = s.integers("channels");
+    const std::string file = s.text("calibration", "");
+    if (d.driver == "simulated") {
+        for (const char* key : {"serial", "port", "channels", "calibration"})
+            if (s.has(key)) s.complain(key, "a simulated thimble has no controller; say driver = \"maestro\"");
+        return d;
+    }
+    const bool bus = d.driver == "dynamixel" || d.driver == "feetech",
+               serial_port = bus || d.driver == "maestro-serial";
+    if (serial_port && d.port.empty())
+        s.complain("port", "a " + d.driver + " needs its port, for example /dev/ttyUSB0");
+    if (!serial_port && s.has("port")) s.complain("port", "a " + d.driver + " is on USB; choose it by serial");
+    d.servos.assign(std::size_t(joints), bus ? ServoCalibration{2048, 651.9, 1024, 3072} : ServoCalibration{});
+    if (!file.empty()) try {
+            ThimbleCalibration c = read_calibration((folder / file).lexically_normal());
+            if (d.channels.empty()) d.channels = c.channels;
+            if (d.serial.empty()) d.serial = c.serial;
+            d.servos = std::move(c.servos);
+        } catch (const InputError& error) {
+            for (const auto& m : error.messages) s.complain("calibration", m);
+        }
+    if (int(d.channels.size()) != joints || int(d.servos.size()) != joints)
+        s.complain("channels", "a thimble of " + std::to_string(joints) + " joints needs as many channels, found " +
+                                   std::to_string(d.channels.size()) +
+                                   (file.empty() ? "" : " and " + std::to_string(d.servos.size()) + " calibrations"));
+    for (int c : d.channels)
+        if (c < 0 || c >= max_channels)
+            s.complain("channels", "a channel lies between 0 and " + std::to_string(max_channels - 1) + ", found " +
+                                       std::to_string(c));
+    return d;
+}
+
+}  // namespace
+
+/// device = { kind, method, ... } of a finger.
+void read_device(Section s, int finger, const std::filesystem::path& folder, Scene& scene) {
+    if (!s) return;
+    ThimbleSpec t;
+    t.finger = finger;
+    const std::string kind = s.choice("kind", "chinello-3rrs", kind_names());
+    t.model = find_kind(kind)->defaults();
+    parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane"}), t.method);
+    t.period = s.number("period_ms", 20, 1, 1000, ms);
+    t.settings.tolerance = s.number("tolerance", t.settings.tolerance, 1e-12, 0.1);
+    t.settings.evaluations = s.integer("evaluations", t.settings.evaluations, 3, 100000);
+    t.settings.smoothing = s.number("smoothing", 0, 0, 1e6);
+    t.settings.non_contact = s.boolean("non_contact", true);
+    t.model.disk_radius = s.number("platform_radius_mm", t.model.disk_radius / mm, 0.1, 100, mm);
+    t.model.clearance = s.number("clearance_mm", t.model.clearance / mm, 0, 10, mm);
+    const double low = s.number("joint_min_deg", t.model.joint_min[0] / degree, -180, 180, degree);
+    const double high = s.number("joint_max_deg", t.model.joint_max[0] / degree, -180, 180, degree);
+    if (s.has("joint_min_deg")) t.model.joint_min.setConstant(low);
+    if (s.has("joint_max_deg")) t.model.joint_max.setConstant(high);
+    Section geometry = s.table("geometry_mm");
+    for (std::size_t i = 0; i < t.model.kind->geometry_names.size(); ++i)
+        t.model.geometry[i] = geometry.number(t.model.kind->geometry_names[i], t.model.geometry[i] / mm, 0.01, 500, mm);
+    geometry.finish();
+    if (s.has("mount_mm")) {
+        const Vec3<double> p = s.vector("mount_mm", {0, 0, 0}, 200, mm);
+        t.model.mount.translation() << p.x, p.y, p.z;
+    } else {
+        // Seated so that the undeformed pad touches the level platform at dz = 24.6 mm, near the middle of
+        // its range: pressing, and then rolling, passes the height at which the device rolls farthest.
+        double lowest = 0;
+        for (const Point& p : scene.spec.fingers[finger].mesh.nodes) lowest = std::min(lowest, p[2]);
+        t.model.mount.translation().z() = lowest + 0.0246;
+    }
+    for (const auto& sentence : validate(t.model)) s.complain("kind", sentence);
+    scene.drivers.push_back(read_driver(s, t.model.kind->joint_count, folder));
+    s.finish();
+    scene.spec.thimbles.push_back(t);
+}
+
+void read_thimble_loop(Section s, Scene& scene) {
+    scene.loop.period = s.number("period_ms", scene.loop.period / ms, 1, 1000, ms);
+    scene.loop.limits.velocity = s.number("velocity_rad_per_s", scene.loop.limits.velocity, 0.01, 50);
+    scene.loop.limits.acceleration = s.number("acceleration_rad_per_s2", scene.loop.limits.acceleration, 0.1, 10000);
+    Section servo = s.table("servo");
+    scene.servo.pulse_step_us = servo.number("pulse_step_us", scene.servo.pulse_step_us, 0.01, 50);
+    scene.servo.calibration.units_per_rad = servo.number("us_per_rad", scene.servo.calibration.units_per_rad, 51, 5000);
+    scene.servo.delay_s = servo.number("delay_ms", scene.servo.delay_s / ms, 0, 999, ms);
+    scene.servo.slew_rad_per_s = servo.number("slew_rad_per_s", scene.servo.slew_rad_per_s, 0.11, 100);
+    servo.finish();
+    s.finish();
+}
+
+ThimbleCalibration read_calibration(const std::filesystem::path& file) {
+    Problems problems{file, {}};
+    if (!std::filesystem::is_regular_file(file)) throw InputError(file.string() + ": no such file");
+    ThimbleCalibration c;
+    toml::table table;
+    try {
+        table = toml::parse_file(file.string());
+    } catch (const toml::parse_error& error) {
+        problems.add(nullptr, std::string(error.description()));
+        throw InputError(problems.messages);
+    }
+    Section root(&table, "", problems);
+    c.serial = root.text("serial", "");
+    const std::string unit = root.choice("unit", "us", {"us", "ticks"});
+    for (Section& s : root.tables("servo")) {
+        ServoCalibration v;
+        c.channels.push_back(s.integer("channel", int(c.channels.size()), 0, max_channels - 1));
+        v.zero = s.number("zero_" + unit, unit == "us" ? v.zero : 2048, 0, 16000);
+        v.units_per_rad = s.number(unit + "_per_rad", unit == "us" ? v.units_per_rad : 651.9, -5000, 5000);
+        v.min = s.number("min_" + unit, unit == "us" ? v.min : 1024, 0, 16000);
+        v.max = s.number("max_" + unit, unit == "us" ? v.max : 3072, 0, 16000);
+        for (const auto& sentence : v.validate()) s.complain("zero_" + unit, sentence);
+        s.finish();
+        c.servos.push_back(v);
+    }
+    root.finish();
+    if (!problems.messages.empty()) throw InputError(problems.messages);
+    return c;
+}
+
+void write_calibration(const std::filesystem::path& file, const ThimbleCalibration& c, const std::string& unit) {
+    std::ofstream out(file);
+    out << "# Calibration of a thimble's servos, one per joint.\nserial = \"" << c.serial << "\"\nunit = \"" << unit
+        << "\"\n";
+    for (std::size_t i = 0; i < c.servos.size(); ++i)
+        out << "\n[[servo]]\nchannel = " << c.channels[i] << "\nzero_" << unit << " = " << c.servos[i].zero << "\n"
+            << unit << "_per_rad = " << c.servos[i].units_per_rad << "\nmin_" << unit << " = " << c.servos[i].min
+            << "\nmax_" << unit << " = " << c.servos[i].max << "\n";
+    if (!out.flush()) throw InputError(file.string() + ": cannot be written");
+}
+
+}  // namespace palpate

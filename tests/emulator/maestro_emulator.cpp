@@ -1,0 +1,372 @@
+// Emulates Pololu Maestro boards on USB for the unmodified program: runs a command that sees them, and writes down what
+// they were told. usbfs by umockdev; what the boards do with it is here.
+//
+//   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--log FILE] [--fault KIND@TRANSFER]...
+//                    [--random-faults SEED] [--replug-ms MS] -- COMMAND...
+//
+// KIND: stall, timeout, partial (timeout with half the data), short, long, errors, hang (never given back), unplug.
+// The log has one line per target: seconds, board, channel, quarter microseconds. Exits as the command does.
+
+#include <linux/ioctl.h>
+
+#include <linux/usbdevice_fs.h>
+#include <sys/wait.h>
+#include <umockdev.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "devices/drivers/maestro_protocol.h"
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300;
+    std::string log;
+    std::map<long, std::string> faults;  ///< by number of the transfer
+    std::vector<char*> command;
+};
+
+struct Servo {
+    std::uint16_t position = 0, target = 0, speed = 0;
+    std::uint8_t acceleration = 0;
+};
+
+struct Urb {
+    UMockdevIoctlData* data = nullptr;
+    UMockdevIoctlData* buffer = nullptr;
+    unsigned long address = 0;  ///< in the program
+    int status = 0, length = 0;
+};
+
+struct Bus;
+
+struct Board {
+    Bus* bus = nullptr;
+    int number = 0, channels = 0;
+    std::vector<Servo> servos;
+    std::map<int, int> parameters;
+    std::uint16_t errors = 0;
+    bool present = true, listed = false;  ///< on the bus; known to the system
+    Clock::time_point gone;
+    std::deque<Urb> finished, waiting;
+    UMockdevIoctlBase* handler = nullptr;
+    std::string node, path, text;
+};
+
+struct Bus {
+    Options options;
+    std::mutex mutex;
+    UMockdevTestbed* testbed = nullptr;
+    std::vector<Board> boards;
+    long transfers = 0;
+    FILE* log = nullptr;
+    Clock::time_point start = Clock::now();
+};
+
+std::string serial_of(int board) {
+    char text[16];
+    std::snprintf(text, sizeof text, "%08d", 123456 + board);
+    return text;
+}
+
+std::string hex(const std::vector<int>& bytes) {
+    std::string out;
+    char two[3];
+    for (int b : bytes) std::snprintf(two, sizeof two, "%02X", b & 0xff), out += two;
+    return out;
+}
+
+/// What umockdev needs to know of a board.
+std::string description(const Board& b) {
+    const int product = b.channels == 6    ? 0x89
+                        : b.channels == 12 ? 0x8a
+                        : b.channels == 18 ? 0x8b
+                        : b.channels == 24 ? 0x8c
+                                           : 0x8e;
+    const std::vector<int> descriptors{18,   1,    0x00, 0x02, 0xEF, 2, 1, 8, 0xfb, 0x1f, product, 0,
+                                       0x04, 0x01, 1,    2,    3,    1, 9, 2, 18,   0,    1,       1,
+                                       0,    0xC0, 50,   9,    4,    0, 0, 0, 0xff, 0,    0,       0};
+    char text[1200];
+    std::snprintf(text, sizeof text,
+                  "P: /devices/pci0000:00/usb1/1-%d\nN: bus/usb/001/%03d\nE: DEVNAME=/dev/bus/usb/001/%03d\n"
+                  "E: DEVTYPE=usb_device\nE: SUBSYSTEM=usb\nE: BUSNUM=001\nE: DEVNUM=%03d\nA: busnum=1\nA: devnum=%d\n"
+                  "A: speed=12\nA: bConfigurationValue=1\nA: idVendor=1ffb\nA: idProduct=%04x\nH: descriptors=%s\n",
+                  b.number + 1, b.number + 2, b.number + 2, b.number + 2, b.number + 2, product,
+                  hex(descriptors).c_str());
+    return text;
+}
+
+std::vector<std::uint8_t> string_descriptor(const Board& b, int index) {
+    if (index == 0) return {4, 3, 0x09, 0x04};
+    const std::string text = index == 3 ? serial_of(b.number) : index == 2 ? "Maestro" : "Pololu";
+    std::vector<std::uint8_t> out{std::uint8_t(2 + 2 * text.size()), 3};
+    for (char c : text) out.push_back(std::uint8_t(c)), out.push_back(0);
+    return out;
+}
+
+void put(std::vector<std::uint8_t>& out, int value) {
+    out.push_back(std::uint8_t(value));
+    out.push_back(std::uint8_t(value >> 8));
+}
+
+std::vector<std::uint8_t> settings_reply(const Board& b) {
+    std::vector<std::uint8_t> out;
+    for (const Servo& s : b.servos) {
+        put(out, s.position), put(out, s.target), put(out, s.speed);
+        out.push_back(s.acceleration);
+    }
+    return out;
+}
+
+/// The board's answer to a request; false: it stalls.
+bool answer(Board& b, int type, int request, int value, int index, std::vector<std::uint8_t>& reply) {
+    if (type == 0x80 && request == 6 && value >> 8 == 3) return reply = string_descriptor(b, value & 0xff), true;
+    if (b.channels == 0) return false;  // its bootloader
+    if (type == 0x40) {
+        if (request == 0x85) {
+            if (index >= b.channels) return false;
+            b.servos[std::size_t(index)].target = b.servos[std::size_t(index)].position = std::uint16_t(value);
+            if (b.bus->log)
+                std::fprintf(b.bus->log, "%.6f %d %d %d\n",
+                             std::chrono::duration<double>(Clock::now() - b.bus->start).count(), b.number, index,
+                             value),
+                    std::fflush(b.bus->log);
+            return true;
+        }
+        if (request == 0x84) {
+            if ((index & 0x7f) >= b.channels) return false;
+            (index & 0x80 ? void(b.servos[std::size_t(index & 0x7f)].acceleration = std::uint8_t(value))
+                          : void(b.servos[std::size_t(index)].speed = std::uint16_t(value)));
+            return true;
+        }
+        if (request == 0x86) return b.errors = 0, true;
+        if (request == 0x82) return b.parameters[index & 0xff] = value, true;
+        return request == 0x90;
+    }
+    if (type != 0xC0) return false;
+    if (request == 0x81) {
+        const int v = b.parameters.count(index) ? b.parameters[index] : 0;
+        reply = {std::uint8_t(v), std::uint8_t(v >> 8)};
+        return true;
+    }
+    if (request == 0x87) return b.channels > 6 ? (reply = settings_reply(b), true) : false;
+    if (request != 0x83) return false;
+    reply.assign(b.channels == 6 ? 98 : 8, 0);
+    reply[2] = std::uint8_t(b.errors), reply[3] = std::uint8_t(b.errors >> 8);
+    reply[b.channels == 6 ? 96 : 6] = 1;
+    if (b.channels == 6)
+        for (std::uint8_t byte : settings_reply(b)) reply.push_back(byte);
+    return true;
+}
+
+void finish(Board& b, Urb urb, int status, int length) {
+    urb.status = status;
+    urb.length = length;
+    b.finished.push_back(urb);
+}
+
+void unplug(Board& b) {
+    b.present = false;
+    b.gone = Clock::now();
+    for (Urb& u : b.waiting) finish(b, u, -ENODEV, 0);
+    b.waiting.clear();
+}
+
+/// A control transfer comes in. Returns the errno of the ioctl, 0 where it was taken.
+int submit(Board& b, Urb urb) {
+    const int have = urb.buffer ? urb.buffer->data_len : 0;
+    if (have < 8) return EINVAL;
+    const std::uint8_t* setup = urb.buffer->data;
+    const int type = setup[0], request = setup[1], value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8,
+              wanted = setup[6] | setup[7] << 8;
+    const long number = b.bus->transfers++;
+    const auto fault = b.bus->options.faults.find(number);
+    const std::string kind = fault == b.bus->options.faults.end() ? "" : fault->second;
+    if (kind == "unplug") return unplug(b), ENODEV;
+    if (kind == "stall") return finish(b, urb, -EPIPE, 0), 0;
+    if (kind == "timeout" || kind == "partial" || kind == "hang") {
+        urb.length = kind == "partial" ? wanted / 2 : 0;
+        urb.status = kind == "hang" ? 1 : 0;  // 1: not even cancelling brings it back
+        b.waiting.push_back(urb);
+        return 0;
+    }
+    if (kind == "errors") b.errors |= 1 << 4;
+    std::vector<std::uint8_t> reply;
+    if (!answer(b, type, request, value, index, reply)) return finish(b, urb, -EPIPE, 0), 0;
+    if (kind == "long") return finish(b, urb, -EOVERFLOW, wanted), 0;
+    int length = type & 0x80 ? std::min<int>(wanted, int(reply.size())) : wanted;
+    if (kind == "short") length /= 2;
+    if (type & 0x80 && length > 0) umockdev_ioctl_data_update(urb.buffer, 8, reply.data(), length);
+    finish(b, urb, 0, length);
+    return 0;
+}
+
+gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) {
+    Board& b = *static_cast<Board*>(user);
+    const std::lock_guard lock(b.bus->mutex);
+    const unsigned long request = umockdev_ioctl_client_get_request(client);
+    UMockdevIoctlData* arg = umockdev_ioctl_client_get_arg(client);
+    auto complete = [&](long result, int error) { umockdev_ioctl_client_complete(client, result, error); };
+    if (request == USBDEVFS_GET_CAPABILITIES) {
+        UMockdevIoctlData* data = umockdev_ioctl_data_resolve(arg, 0, sizeof(std::uint32_t), nullptr);
+        std::uint32_t caps = USBDEVFS_CAP_BULK_CONTINUATION;
+        umockdev_ioctl_data_update(data, 0, reinterpret_cast<guint8*>(&caps), sizeof caps);
+        complete(0, 0);
+    } else if (request == USBDEVFS_SUBMITURB) {
+        if (!b.present) return complete(-1, ENODEV), TRUE;
+        Urb u;
+        u.data = umockdev_ioctl_data_resolve(arg, 0, sizeof(usbdevfs_urb), nullptr);
+        const auto* urb = reinterpret_cast<const usbdevfs_urb*>(u.data->data);
+        u.address = u.data->client_addr;
+        u.buffer = umockdev_ioctl_data_resolve(u.data, offsetof(usbdevfs_urb, buffer), std::size_t(urb->buffer_length),
+                                               nullptr);
+        const int error = submit(b, u);
+        complete(error ? -1 : 0, error);
+    } else if (request == USBDEVFS_REAPURBNDELAY || request == USBDEVFS_REAPURB) {
+        if (b.finished.empty()) return complete(-1, b.present ? EAGAIN : ENODEV), TRUE;
+        Urb u = b.finished.front();
+        b.finished.pop_front();
+        int status = u.status, length = u.length;
+        umockdev_ioctl_data_update(u.data, offsetof(usbdevfs_urb, status), reinterpret_cast<guint8*>(&status),
+                                   sizeof status);
+        umockdev_ioctl_data_update(u.data, offsetof(usbdevfs_urb, actual_length), reinterpret_cast<guint8*>(&length),
+                                   sizeof length);
+        UMockdevIoctlData* data = umockdev_ioctl_data_resolve(arg, 0, sizeof(void*), nullptr);
+        umockdev_ioctl_data_set_ptr(data, 0, u.data);
+        complete(0, 0);
+    } else if (request == USBDEVFS_DISCARDURB) {
+        for (auto it = b.waiting.begin(); it != b.waiting.end(); ++it) {
+            if (it->address != arg->client_addr && it->address != *reinterpret_cast<unsigned long*>(arg->data))
+                continue;
+            if (it->status == 1) return complete(0, 0), TRUE;
+            finish(b, *it, -ENOENT, it->length);
+            b.waiting.erase(it);
+            return complete(0, 0), TRUE;
+        }
+        complete(-1, EINVAL);
+    } else {
+        complete(0, 0);  // configurations, interfaces: nothing to do
+    }
+    return TRUE;
+}
+
+bool plug_in(Bus& bus, Board& b) {
+    GError* error = nullptr;
+    if (!umockdev_testbed_add_from_string(bus.testbed, b.text.c_str(), &error) ||
+        !umockdev_testbed_attach_ioctl(bus.testbed, b.node.c_str(), b.handler, &error)) {
+        std::fprintf(stderr, "maestro-emulator: %s\n", error->message);
+        return false;
+    }
+    b.present = b.listed = true;
+    b.finished.clear();
+    return true;
+}
+
+bool parse(int argc, char** argv, Options& o) {
+    static const char* kinds[] = {"stall", "timeout", "partial", "short", "long", "errors", "unplug", "hang"};
+    for (int i = 1; i < argc; ++i) {
+        const std::string arg = argv[i];
+        if (arg == "--") {
+            for (int k = i + 1; k < argc; ++k) o.command.push_back(argv[k]);
+            o.command.push_back(nullptr);
+            return o.command.size() > 1;
+        }
+        if (i + 1 >= argc) return false;
+        const std::string value = argv[++i];
+        if (arg == "--boards")
+            o.boards = std::atoi(value.c_str());
+        else if (arg == "--channels")
+            o.channels = std::atoi(value.c_str());
+        else if (arg == "--watchdog")
+            o.watchdog_ms = std::atoi(value.c_str());
+        else if (arg == "--replug-ms")
+            o.replug_ms = std::atoi(value.c_str());
+        else if (arg == "--log")
+            o.log = value;
+        else if (arg == "--fault")
+            o.faults[std::atol(value.substr(value.find('@') + 1).c_str())] = value.substr(0, value.find('@'));
+        else if (arg == "--random-faults") {
+            std::mt19937 random(unsigned(std::atol(value.c_str())));
+            for (int k = 0; k < 12; ++k) o.faults[long(random() % 900)] = kinds[random() % 7];
+        } else
+            return false;
+    }
+    return false;
+}
+
+void stop_child(int) {}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Bus bus;
+    if (!parse(argc, argv, bus.options)) {
+        std::fprintf(stderr, "usage: see the head of maestro_emulator.cpp\n");
+        return 2;
+    }
+    if (!bus.options.log.empty()) bus.log = std::fopen(bus.options.log.c_str(), "w");
+    bus.testbed = umockdev_testbed_new();
+    bus.boards.resize(std::size_t(bus.options.boards));
+    for (int i = 0; i < bus.options.boards; ++i) {
+        Board& b = bus.boards[std::size_t(i)];
+        b.bus = &bus;
+        b.number = i;
+        b.channels = bus.options.channels;
+        b.servos.resize(std::size_t(b.channels));
+        b.parameters[palpate::maestro::serial_timeout_parameter] = bus.options.watchdog_ms / 10;
+        for (int c = 0; c < b.channels; ++c) {
+            b.parameters[palpate::maestro::min_parameter(c)] = 62;   // 992 us
+            b.parameters[palpate::maestro::max_parameter(c)] = 125;  // 2000 us
+        }
+        b.text = description(b);
+        char node[64];
+        std::snprintf(node, sizeof node, "/dev/bus/usb/001/%03d", i + 2);
+        b.node = node;
+        b.path = "/sys/devices/pci0000:00/usb1/1-" + std::to_string(i + 1);
+        b.handler = umockdev_ioctl_base_new();
+        g_signal_connect(b.handler, "handle-ioctl", G_CALLBACK(handle), &b);
+        if (!plug_in(bus, b)) return 1;
+    }
+    const pid_t child = fork();
+    if (child == 0) {
+        setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
+        execvp(bus.options.command[0], bus.options.command.data());
+        std::fprintf(stderr, "maestro-emulator: cannot run %s\n", bus.options.command[0]);
+        _exit(127);
+    }
+    for (int s : {SIGINT, SIGTERM}) std::signal(s, stop_child);  // the program ends first, then this
+    int status = 0;
+    while (waitpid(child, &status, WNOHANG) == 0) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        for (Board& b : bus.boards) {
+            std::unique_lock lock(bus.mutex);
+            if (b.present) continue;
+            const bool back =
+                bus.options.replug_ms > 0 && Clock::now() - b.gone > std::chrono::milliseconds(bus.options.replug_ms);
+            lock.unlock();
+            if (b.listed) {
+                umockdev_testbed_detach_ioctl(bus.testbed, b.node.c_str(), nullptr);
+                umockdev_testbed_remove_device(bus.testbed, b.path.c_str());
+                b.listed = false;
+            } else if (back) {
+                plug_in(bus, b);
+            }
+        }
+    }
+    if (bus.log) std::fclose(bus.log);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
