@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <array>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ using DeviceJacobian =
 using PointJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, max_device_dimension>;
 
 struct DeviceKind;
+struct Chain;
 
 /// A device: its kind with the numbers that a user may set.
 struct DeviceModel {
@@ -28,6 +30,7 @@ struct DeviceModel {
     double clearance = 0.0002;                                ///< eps of Perez et al. 2017, Eq. 3 [m]
     Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();  ///< device frame -> finger frame
     Coordinates rest;                                         ///< contact-free configuration w
+    std::shared_ptr<const DeviceKind> own_kind = nullptr;     ///< where a scene has defined the kind
 };
 
 /// Where the platform is, with derivatives with respect to w.
@@ -45,19 +48,26 @@ struct Joints {
     bool closed = true;  ///< false where the legs cannot reach; q is then continued past its limits
 };
 
-/// Descriptor of a kind of parallel mechanism, searched in w with closed-form inverse kinematics.
+/// Descriptor of a kind. Parallel mechanisms are searched in w with closed-form inverse kinematics, open chains in
+/// their joints (w = q).
 struct DeviceKind {
     std::string name;
     std::vector<std::string> configuration_names;  ///< one per component of w, for example "theta"
     std::vector<bool> configuration_is_length;     ///< metres rather than radians
     std::vector<std::string> geometry_names;       ///< all lengths [m]
     int joint_count = 0;
+    bool open_chain = false;             ///< w is q, and joint limits are its bounds
+    std::shared_ptr<const Chain> chain;  ///< of kinds made by make_chain_kind
+    double seat_height = 0.0246;         ///< z of the level platform where it is to touch the undeformed pad [m]
     Coordinates configuration_min, configuration_max;  ///< box of w in which the search stays
     Coordinates configuration_scale;                   ///< typical size of each component
     DeviceModel (*defaults)() = nullptr;
     Platform (*platform)(const DeviceModel&, const Coordinates& w) = nullptr;
     Joints (*joints)(const DeviceModel&, const Coordinates& w) = nullptr;
 };
+
+/// Mount of a device that sits above the nail, z towards the pad. How high is seen once the finger is known.
+Eigen::Isometry3d mount_above_nail();
 
 /// Kind by name; nullptr if there is none.
 const DeviceKind* find_kind(const std::string& name);

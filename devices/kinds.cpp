@@ -3,23 +3,45 @@
 namespace palpate {
 
 const DeviceKind& chinello_3rrs();
+const DeviceKind& rrs_exact();
+const DeviceKind& cable_3();
+const DeviceKind& serial_3dof();
+const DeviceKind& shear_2dof();
+const DeviceKind& serial_5dof();
+const DeviceKind& serial_6dof();
 
 namespace {
-const DeviceKind* const kinds[] = {
-    &chinello_3rrs(),
+
+struct NamedKind {
+    const char* name;
+    const DeviceKind& (*kind)();
 };
+/// One line per kind.
+constexpr NamedKind kinds[] = {
+    {"chinello-3rrs", chinello_3rrs}, {"rrs-exact", rrs_exact},   {"cable-3", cable_3},
+    {"serial-3dof", serial_3dof},     {"shear-2dof", shear_2dof}, {"serial-5dof", serial_5dof},
+    {"serial-6dof", serial_6dof},
+};
+
 }  // namespace
 
 const DeviceKind* find_kind(const std::string& name) {
-    for (const DeviceKind* kind : kinds)
-        if (kind->name == name) return kind;
+    for (const NamedKind& k : kinds)
+        if (k.name == name) return &k.kind();
     return nullptr;
 }
 
 std::vector<std::string> kind_names() {
     std::vector<std::string> names;
-    for (const DeviceKind* kind : kinds) names.push_back(kind->name);
+    for (const NamedKind& k : kinds) names.emplace_back(k.name);
     return names;
+}
+
+Eigen::Isometry3d mount_above_nail() {
+    Eigen::Isometry3d mount;
+    mount.linear() << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+    mount.translation() << 0.0025, 0, 0.0162;
+    return mount;
 }
 
 Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * max_device_dimension, 1> joint_margins(const DeviceModel& model,

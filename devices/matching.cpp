@@ -105,13 +105,17 @@ nlopt_result run(Problem& p, const Coordinates& start, double tolerance, int eva
                                                                                        nlopt_destroy);
     p.optimiser = owner.get();
     if (!p.optimiser) return NLOPT_OUT_OF_MEMORY;
-    const Coordinates low = kind.configuration_min.cwiseQuotient(kind.configuration_scale);
-    const Coordinates high = kind.configuration_max.cwiseQuotient(kind.configuration_scale);
+    // An open chain's joint limits are bounds of the search itself.
+    const bool bounds = kind.open_chain && p.constrained;
+    const Coordinates low =
+        (bounds ? p.model->joint_min : kind.configuration_min).cwiseQuotient(kind.configuration_scale);
+    const Coordinates high =
+        (bounds ? p.model->joint_max : kind.configuration_max).cwiseQuotient(kind.configuration_scale);
     Coordinates u = start.cwiseQuotient(kind.configuration_scale).cwiseMax(low).cwiseMin(high);
     nlopt_set_lower_bounds(p.optimiser, low.data());
     nlopt_set_upper_bounds(p.optimiser, high.data());
     nlopt_set_min_objective(p.optimiser, objective_callback, &p);
-    if (p.constrained) {
+    if (p.constrained && !kind.open_chain) {
         const Eigen::Matrix<double, 2 * max_device_dimension, 1> tolerances =
             Eigen::Matrix<double, 2 * max_device_dimension, 1>::Constant(1e-9);
         nlopt_add_inequality_mconstraint(p.optimiser, 2 * unsigned(kind.joint_count), constraint_callback, &p,
@@ -169,6 +173,7 @@ Coordinates usable_start(const DeviceModel& model, const Coordinates& previous) 
 Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w) {
     if (!w.allFinite()) return model.rest;
     if (inside_workspace(model, w)) return w;
+    if (model.kind->open_chain) return w.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
     Problem p;
     p.model = &model;
     p.previous = w;

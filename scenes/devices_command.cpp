@@ -163,6 +163,31 @@ int examine(const std::string& file, bool mend) {
     return wrong ? 1 : 0;
 }
 
+/// How well this machine keeps a thimble's schedule, without any controller.
+int time_schedule(double seconds) {
+    ThimbleLoop loop;
+    const DeviceModel model = find_kind("chinello-3rrs")->defaults();
+    initialise(loop, model, {}, make_simulated_driver({}, model.kind->joints(model, model.rest).q));
+    DeviceThread thread({&loop});
+    std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+    thread.stop();
+    const LatencyHistogram& late = thread.lateness();
+    std::printf("%lld updates in %.0f s, %lld missed; %.2f %% within 2 ms of their time\n",
+                (long long)loop.status.ticks, seconds, (long long)loop.status.misses, 100 * late.share_within(0.002));
+    std::int64_t before = 0;
+    for (double ms : {0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 1e4}) {
+        const auto within = std::int64_t(std::llround(late.share_within(1e-3 * ms) * double(late.count())));
+        std::printf(
+            "  %s %7.2f ms late  %6lld  %s\n", ms < 1e3 ? "up to" : "later", ms < 1e3 ? ms : 10.0,
+            (long long)(within - before),
+            std::string(std::size_t(60.0 * double(within - before) / double(std::max<std::int64_t>(1, late.count()))),
+                        '#')
+                .c_str());
+        before = within;
+    }
+    return 0;
+}
+
 int go_home(const std::string& file, const std::vector<std::string>& overrides, bool no_watchdog) {
     Simulation s = make_simulation(load_scene(file, overrides), 1);
     if (!drives_hardware(s.scene)) throw InputError(file + ": no finger has a thimble with a driver");
@@ -186,8 +211,11 @@ Action add_devices_command(CLI::App& program) {
     auto scene = std::make_shared<std::string>();
     auto json = std::make_shared<bool>(false);
     c->add_option("scene", *scene, "say which of this scene's fingers they drive");
+    auto timing = std::make_shared<double>(0);
     c->add_flag("--json", *json, "print JSON");
-    return [scene, json] { return list_devices(*scene, *json); };
+    c->add_option("--timing", *timing, "instead: for so many seconds, how well this machine keeps a thimble's schedule")
+        ->check(CLI::Range(0.1, 3600.0));
+    return [scene, json, timing] { return *timing > 0 ? time_schedule(*timing) : list_devices(*scene, *json); };
 }
 
 Action add_doctor_command(CLI::App& program) {

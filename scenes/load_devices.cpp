@@ -3,6 +3,7 @@
 #include <fstream>
 #include <numbers>
 
+#include "devices/chain.h"
 #include "meshes/input_error.h"
 
 namespace palpate {
@@ -52,6 +53,36 @@ DriverSpec read_driver(Section& s, int joints, const std::filesystem::path& fold
     return d;
 }
 
+/// kind = "chain": joints from the mount to the platform.
+DeviceModel read_chain(Section& s) {
+    Chain chain;
+    chain.height = s.number("height_mm", chain.height / mm, -199, 199, mm);
+    for (Section& j : s.tables("joint")) {
+        ChainJoint joint;
+        joint.name = j.text("name", "joint " + std::to_string(chain.joints.size() + 1));
+        joint.slides = j.boolean("slides", false);
+        const Vec3<double> axis = j.vector("axis", {0, 0, 1}, 1e3), point = j.vector("point_mm", {0, 0, 0}, 500, mm);
+        joint.axis = Eigen::Vector3d(axis.x, axis.y, axis.z).normalized();
+        joint.point = Eigen::Vector3d(point.x, point.y, point.z);
+        if (joint.slides)
+            joint.lead = j.number("mm_per_rad", joint.lead / mm, 0.01, 500, mm);
+        else if (j.has("mm_per_rad"))
+            j.complain("mm_per_rad", "only a joint that slides has it");
+        joint.min = j.number("min_deg", joint.min / degree, -229, 229, degree);
+        joint.max = j.number("max_deg", joint.max / degree, -229, 229, degree);
+        joint.rest = j.number("rest_deg", joint.rest / degree, -229, 229, degree);
+        j.finish();
+        chain.joints.push_back(joint);
+    }
+    const auto wrong = validate(chain);
+    for (const auto& sentence : wrong) s.complain("joint", sentence);
+    if (!wrong.empty()) return find_kind("serial-3dof")->defaults();  // nothing is built of it
+    const auto kind = std::make_shared<const DeviceKind>(make_chain_kind("chain", chain));
+    DeviceModel model = make_chain_model(*kind, 0.010);
+    model.own_kind = kind;
+    return model;
+}
+
 }  // namespace
 
 /// device = { kind, method, ... } of a finger.
@@ -59,8 +90,10 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     if (!s) return;
     ThimbleSpec t;
     t.finger = finger;
-    const std::string kind = s.choice("kind", "chinello-3rrs", kind_names());
-    t.model = find_kind(kind)->defaults();
+    std::vector<std::string> kinds = kind_names();
+    kinds.emplace_back("chain");
+    const std::string kind = s.choice("kind", "chinello-3rrs", kinds);
+    t.model = kind == "chain" ? read_chain(s) : find_kind(kind)->defaults();
     parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane"}), t.method);
     t.period = s.number("period_ms", 20, 1, 1000, ms);
     t.settings.tolerance = s.number("tolerance", t.settings.tolerance, 1e-12, 0.1);
@@ -81,11 +114,11 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
         const Vec3<double> p = s.vector("mount_mm", {0, 0, 0}, 200, mm);
         t.model.mount.translation() << p.x, p.y, p.z;
     } else {
-        // Seated so that the undeformed pad touches the level platform at dz = 24.6 mm, near the middle of
-        // its range: pressing, and then rolling, passes the height at which the device rolls farthest.
+        // Seated so that the undeformed pad touches the level platform near the middle of its range (chinello-3rrs:
+        // dz = 24.6 mm): pressing, and then rolling, passes the height at which the device rolls farthest.
         double lowest = 0;
         for (const Point& p : scene.spec.fingers[finger].mesh.nodes) lowest = std::min(lowest, p[2]);
-        t.model.mount.translation().z() = lowest + 0.0246;
+        t.model.mount.translation().z() = lowest + t.model.kind->seat_height;
     }
     for (const auto& sentence : validate(t.model)) s.complain("kind", sentence);
     scene.drivers.push_back(read_driver(s, t.model.kind->joint_count, folder));

@@ -17,10 +17,16 @@ const std::vector<std::string> finger_columns{
     "contact_area_mm2", "touching_samples",  "coupling_force_N",   "bone_x_mm", "bone_y_mm",
     "bone_z_mm",        "newton_iterations", "multiplier_updates", "converged", "residual_N",
     "limit_violation",  "limited_elements",  "penetration_um"};
-const std::vector<std::string> thimble_columns{
-    "theta_deg",       "psi_deg",           "dz_mm",          "q1_deg",     "q2_deg",     "q3_deg",
-    "sent1_deg",       "sent2_deg",         "sent3_deg",      "servo1_deg", "servo2_deg", "servo3_deg",
-    "matching_rms_mm", "constraint_active", "contact_matched"};
+/// Of a thimble: its configuration, joint angles wanted, sent and reached, and how well it matches.
+std::vector<std::string> thimble_columns(const DeviceKind& kind) {
+    std::vector<std::string> columns;
+    for (std::size_t i = 0; i < kind.configuration_names.size(); ++i)
+        columns.push_back(kind.configuration_names[i] + (kind.configuration_is_length[i] ? "_mm" : "_deg"));
+    for (const char* what : {"q", "sent", "servo"})
+        for (int j = 1; j <= kind.joint_count; ++j) columns.push_back(what + std::to_string(j) + "_deg");
+    for (const char* column : {"matching_rms_mm", "constraint_active", "contact_matched"}) columns.emplace_back(column);
+    return columns;
+}
 const std::vector<std::string> step_columns{
     "time_s",          "read_trackers_us",   "couple_us",        "detect_contacts_us", "solve_skin_us",
     "solve_bodies_us", "extract_contact_us", "match_devices_us", "publish_us",         "total_us"};
@@ -51,11 +57,11 @@ void record_finger(Simulation& s, std::size_t i) {
     const Matching& m = w.matchings[t];
     const ThimbleReport seen = s.hardware ? newest_report(*s.hardware, t)
                                           : ThimbleReport{s.loops[t]->q, s.loops[t]->driver->actual(w.time), {}};
-    out.push_back(m.result.w[0] * degrees);
-    out.push_back(m.result.w[1] * degrees);
-    out.push_back(m.result.w[2] * 1e3);
+    const DeviceKind& kind = *m.model.kind;
+    for (std::ptrdiff_t i = 0; i < m.result.w.size(); ++i)
+        out.push_back(m.result.w[i] * (kind.configuration_is_length[std::size_t(i)] ? 1e3 : degrees));
     for (const Coordinates* q : std::array<const Coordinates*, 3>{&m.result.q, &seen.sent, &seen.actual})
-        for (int k = 0; k < 3; ++k) out.push_back((*q)[k] * degrees);
+        for (int k = 0; k < kind.joint_count; ++k) out.push_back((*q)[k] * degrees);
     out.push_back(1e3 * m.result.rms_m);
     out.push_back(m.result.constraint_active);
     out.push_back(m.result.status != MatchingStatus::no_contact);
@@ -86,8 +92,9 @@ Simulation make_simulation(Scene scene, int threads) {
     const auto steps = std::size_t(std::ceil(s.scene.duration / s.scene.spec.solver.dt)) + 2;
     for (const EntityId finger : s.fingers) {
         Series series{finger_columns, {}};
-        if (thimble_of(s.world, finger) >= 0)
-            series.columns.insert(series.columns.end(), thimble_columns.begin(), thimble_columns.end());
+        if (const int t = thimble_of(s.world, finger); t >= 0)
+            for (auto& column : thimble_columns(*s.world.matchings[std::size_t(t)].model.kind))
+                series.columns.push_back(std::move(column));
         series.reserve(std::min<std::size_t>(steps, 2000000));
         s.finger_series.push_back(std::move(series));
     }

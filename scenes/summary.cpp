@@ -177,9 +177,10 @@ nlohmann::json to_json(const Summary& s) {
         j["fingers"].push_back(k);
     }
     for (const BodySummary& b : s.bodies) {
-        nlohmann::json k{{"name", b.name},         {"held_s", b.held_s},   {"slip_mm", b.slip_mm},
-                         {"drift_mm", b.drift_mm}, {"balance", b.balance}, {"converged_share", b.converged_share},
-                         {"resets", b.resets},     {"grips", nlohmann::json::array()}};
+        nlohmann::json k{{"name", b.name},       {"held_s", b.held_s},
+                         {"slip_mm", b.slip_mm}, {"drift_mm", b.drift_mm},
+                         {"balance", b.balance}, {"converged_share", b.converged_share},
+                         {"resets", b.resets},   {"grips", nlohmann::json::array()}};
         if (b.dropped_at_s >= 0) k["dropped_at_s"] = b.dropped_at_s;
         for (const GripSummary& g : b.grips)
             k["grips"].push_back({{"finger", g.finger},

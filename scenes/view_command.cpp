@@ -101,6 +101,19 @@ struct LiveRun {
         s.step_series.values.clear();
     }
 
+    /// Tells the page which thimbles are in fault, when that changes.
+    std::string faults{};
+    void tell_faults() {
+        if (!simulation->hardware) return;
+        std::string now;
+        for (std::size_t t = 0; t < simulation->loops.size(); ++t)
+            if (newest_report(*simulation->hardware, int(t)).status.mode == ThimbleMode::fault)
+                now += (now.empty() ? "" : ", ") +
+                       simulation->scene.spec.fingers[std::size_t(simulation->scene.spec.thimbles[t].finger)].name;
+        if (now != faults) server.tell({{"faults", now}});
+        faults = now;
+    }
+
     /// Takes overrides over if the scene still loads with them, and says what is wrong if not.
     void set(const nlohmann::json& keys) {
         const std::vector<std::string> before = overrides;
@@ -158,6 +171,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         if (now >= next_frame || single) {
             frame.clear();
             append_frame(frame, *live.simulation, longest_us);
+            live.tell_faults();
             server.publish(frame);
             longest_us = 0;
             next_frame = now + std::chrono::milliseconds(33);

@@ -115,27 +115,28 @@ DeviceModel defaults() {
     m.rest = Eigen::Vector3d(0, 0, 0.0290);
     // Above the nail, z towards the pad; the pad of a 14 mm finger (z = -8.4 mm) lies at dz = 24.6 mm.
     // The platform reaches to its joints: disk radius = mobile radius (the paper does not give it).
-    m.mount.linear() << 1, 0, 0, 0, -1, 0, 0, 0, -1;
-    m.mount.translation() << 0.0025, 0, 0.0162;
+    m.mount = mount_above_nail();
     return m;
 }
 
 }  // namespace
 
 const DeviceKind& chinello_3rrs() {
-    static const DeviceKind kind{
-        .name = "chinello-3rrs",
-        .configuration_names = {"theta", "psi", "dz"},
-        .configuration_is_length = {false, false, true},
-        .geometry_names = {"fixed_radius", "fixed_half", "mobile_radius", "mobile_half", "crank", "link"},
-        .joint_count = 3,
-        .configuration_min = Eigen::Vector3d(-60 * degree, -60 * degree, 0.005),
-        .configuration_max = Eigen::Vector3d(60 * degree, 60 * degree, 0.045),
-        .configuration_scale = Eigen::Vector3d(0.3, 0.3, 0.004),
-        .defaults = defaults,
-        .platform = platform,
-        .joints = joints,
-    };
+    static const DeviceKind kind = [] {
+        DeviceKind k;
+        k.name = "chinello-3rrs";
+        k.configuration_names = {"theta", "psi", "dz"};
+        k.configuration_is_length = {false, false, true};
+        k.geometry_names = {"fixed_radius", "fixed_half", "mobile_radius", "mobile_half", "crank", "link"};
+        k.joint_count = 3;
+        k.configuration_min = Eigen::Vector3d(-60 * degree, -60 * degree, 0.005);
+        k.configuration_max = Eigen::Vector3d(60 * degree, 60 * degree, 0.045);
+        k.configuration_scale = Eigen::Vector3d(0.3, 0.3, 0.004);
+        k.defaults = defaults;
+        k.platform = platform;
+        k.joints = joints;
+        return k;
+    }();
     return kind;
 }
 

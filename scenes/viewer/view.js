@@ -352,6 +352,7 @@ by('forth').onclick = () => {
   if (run.live && now === frames.length - 1) tell({ step: true });
   else show(now + 1);
 };
+by('rearm').onclick = () => tell({ rearm: true });
 by('restart').onclick = () => tell({ restart: true });
 by('speed').onchange = () => tell({ speed: Number(by('speed').value) });
 by('when').oninput = () => { play(false); show(Number(by('when').value)); };
@@ -411,7 +412,11 @@ function startLive() {
     if (typeof event.data === 'string') {
       const message = JSON.parse(event.data);
       if (message.reload) location.reload();
-      by('failure').textContent = message.error || '';
+      if ('error' in message) by('failure').textContent = message.error;
+      if ('faults' in message) {
+        by('faults').hidden = message.faults === '';
+        by('faults').firstElementChild.textContent = `fault: ${message.faults}; mend its cause, then`;
+      }
       return;
     }
     const most = Object.values(quantities).map(q => q.most).join();

@@ -78,13 +78,94 @@ TEST_P(EveryKind, ImpossibleGeometryIsRefusedWithItsNumbers) {
     m.joint_max.setConstant(-1);
     EXPECT_FALSE(validate(m).empty());
     m = kind().defaults();
-    m.geometry[0] = -1;
-    EXPECT_FALSE(validate(m).empty());
-    m = kind().defaults();
     m.geometry.back() = 1;  // unused numbers do not matter
-    for (std::size_t i = 0; i < kind().geometry_names.size(); ++i) m.geometry[i] = 0.4 / double(1 + i * i);
-    EXPECT_FALSE(validate(m).empty());
+    EXPECT_TRUE(validate(m).empty());
+    m.rest = 3 * kind().configuration_max;
+    ASSERT_FALSE(validate(m).empty());
     EXPECT_NE(validate(m)[0].find("rest"), std::string::npos);
+    for (std::size_t i = 0; i < kind().geometry_names.size(); ++i) {
+        m = kind().defaults();
+        m.geometry[i] = -1;
+        EXPECT_FALSE(validate(m).empty());
+    }
+}
+
+TEST_P(EveryKind, NormalIsThePlatformsAxis) {
+    std::mt19937 random(3);
+    const DeviceModel m = kind().defaults();
+    for (int trial = 0; trial < 100; ++trial) {
+        const Platform p = kind().platform(m, random_inside(random, m));
+        EXPECT_LT((p.normal + p.rotation.col(2)).norm(), 1e-12);
+    }
+    // Level at rest, facing the pad that is seated there.
+    EXPECT_LT((kind().platform(m, m.rest).normal + Eigen::Vector3d::UnitZ()).norm(), 1e-9);
+}
+
+TEST(LegsThatCannotClose, AreRefusedWithTheirNumbers) {
+    for (const char* name : {"chinello-3rrs", "rrs-exact"}) {
+        DeviceModel m = find_kind(name)->defaults();
+        for (std::size_t i = 0; i < m.kind->geometry_names.size(); ++i) m.geometry[i] = 0.4 / double(1 + i * i);
+        ASSERT_FALSE(validate(m).empty());
+        EXPECT_NE(validate(m)[0].find("rest"), std::string::npos);
+    }
+}
+
+/// The mechanism itself: from crank angles to points, and back to what the inverse kinematics says.
+TEST(RrsExact, CranksLinksAndPlanesCloseAtEveryPose) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const DeviceModel m = find_kind("rrs-exact")->defaults();
+    const auto& g = m.geometry;
+    const double a = g[0], ah = g[1], b = g[2], bh = g[3];
+    const Eigen::Vector3d A[3] = {
+        {a, 0, 0}, {-std::sqrt(a * a - ah * ah), -ah, 0}, {-std::sqrt(a * a - ah * ah), ah, 0}};
+    const Eigen::Vector3d B[3] = {
+        {b, 0, 0}, {-std::sqrt(b * b - bh * bh), -bh, 0}, {-std::sqrt(b * b - bh * bh), bh, 0}};
+    int tried = 0;
+    for (int trial = 0; trial < 2000; ++trial) {
+        const Coordinates w =
+            Eigen::Vector3d(25 * degree * u(random), 25 * degree * u(random), 0.024 + 0.003 * u(random));
+        const Joints j = m.kind->joints(m, w);
+        if (!inside_workspace(m, w)) continue;
+        ++tried;
+        const Platform p = m.kind->platform(m, w);
+        for (int leg = 0; leg < 3; ++leg) {
+            const Eigen::Vector3d out = (B[leg] - A[leg]).normalized();
+            const Eigen::Vector3d knee =
+                A[leg] + g[4] * (std::cos(j.q[leg]) * out + std::sin(j.q[leg]) * Eigen::Vector3d::UnitZ());
+            const Eigen::Vector3d seat = p.centre + p.rotation * B[leg];
+            EXPECT_NEAR((seat - knee).norm(), g[5], 1e-12);
+            EXPECT_NEAR((seat - A[leg]).dot(Eigen::Vector3d(-out.y(), out.x(), 0)), 0, 1e-12);
+        }
+    }
+    EXPECT_GT(tried, 500);
+}
+
+TEST(RrsExact, AgreesWithThePapersFormWhereThatIsExact) {
+    // 120 degrees between legs: half = radius sin 60.
+    DeviceModel exact = find_kind("rrs-exact")->defaults(), paper = find_kind("chinello-3rrs")->defaults();
+    for (DeviceModel* m : {&exact, &paper}) {
+        m->geometry[1] = m->geometry[0] * std::sqrt(0.75);
+        m->geometry[3] = m->geometry[2] * std::sqrt(0.75);
+    }
+    std::mt19937 random(6);
+    std::uniform_real_distribution<double> u(-1, 1);
+    for (int trial = 0; trial < 200; ++trial) {
+        const Coordinates w = Eigen::Vector3d(15 * degree * u(random), 15 * degree * u(random), 0.024);
+        const Platform a = exact.kind->platform(exact, w), b = paper.kind->platform(paper, w);
+        EXPECT_LT((a.centre - b.centre).norm(), 1e-9);
+        EXPECT_LT((a.rotation - b.rotation).norm(), 1e-9);
+        EXPECT_LT((exact.kind->joints(exact, w).q - paper.kind->joints(paper, w).q).norm(), 1e-6);
+    }
+}
+
+TEST(Chains, KnownPose) {
+    const DeviceModel m = find_kind("serial-5dof")->defaults();
+    Coordinates q(5);
+    q << 0.25, -0.5, 0.125, 0, 0.3;
+    const Platform p = m.kind->platform(m, q);
+    EXPECT_LT((p.centre - Eigen::Vector3d(0.002, -0.004, 0.0246 + 0.001)).norm(), 1e-15);
+    EXPECT_LT((p.normal - Eigen::Vector3d(0, std::sin(0.3), -std::cos(0.3))).norm(), 1e-15);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryKind, ::testing::ValuesIn(kind_names()), [](const auto& info) {
