@@ -5,6 +5,8 @@
 #include <cmath>
 #include <memory>
 
+#include "devices/least_squares.h"
+
 namespace palpate {
 
 namespace {
@@ -168,6 +170,99 @@ Coordinates usable_start(const DeviceModel& model, const Coordinates& previous) 
     return previous.size() == model.rest.size() && inside_workspace(model, previous, 1e-7) ? previous : model.rest;
 }
 
+/// Objective with what Gauss-Newton needs: distances are residuals, and the rows of J their gradients.
+struct Residuals {
+    double value = 0;        ///< as matching_objective [mm^2]
+    Coordinates gradient;    ///< half of it
+    DeviceJacobian hessian;  ///< J' J
+};
+Residuals residuals_at(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                       const MatchingSettings& settings, const Coordinates& previous, const Coordinates& w) {
+    const auto n = w.size();
+    const Platform platform = model.kind->platform(model, w);
+    Residuals r{0, Coordinates::Zero(n), DeviceJacobian::Zero(n, n)};
+    for (const MatchingPoint& point : points) {
+        if (!point.touches && !settings.non_contact) continue;
+        const DiskDistance d = point.touches ? disk_distance(point.position, platform, model.disk_radius)
+                                             : cone_distance(point.position, platform, model.disk_radius);
+        const double excess = point.touches ? d.value : d.value - model.clearance;
+        if (!point.touches && excess >= 0) continue;
+        const Coordinates row = platform.dcentre.transpose() * d.dcentre + platform.dnormal.transpose() * d.dnormal;
+        r.value += mm2 * excess * excess;
+        r.gradient += mm2 * excess * row;
+        r.hessian.selfadjointView<Eigen::Lower>().rankUpdate(row, mm2);
+    }
+    r.hessian = DeviceJacobian(r.hessian.selfadjointView<Eigen::Lower>());
+    Coordinates twice = Coordinates::Zero(n);
+    r.value += smoothing_value(model, settings, previous, w, twice);
+    r.gradient += 0.5 * twice;
+    const double weight = settings.smoothing + 1e-6;
+    r.hessian.diagonal() += weight * model.kind->configuration_scale.cwiseAbs2().cwiseInverse();
+    return r;
+}
+
+/// Levenberg-Marquardt from `start`, which is inside. Returns the best configuration and its value.
+std::pair<Coordinates, double> descend(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                                       const MatchingSettings& settings, const Coordinates& previous,
+                                       const Coordinates& start, int& evaluations, bool& budget) {
+    Coordinates w = start;
+    Residuals at = residuals_at(model, points, settings, previous, w);
+    ++evaluations;
+    double damping = 1e-6;
+    budget = true;
+    const Coordinates scale2 = model.kind->configuration_scale.cwiseAbs2().cwiseInverse();
+    for (; evaluations < settings.evaluations;) {
+        DeviceJacobian H = at.hessian;
+        H.diagonal() += damping * (H.diagonal() + scale2);
+        const Coordinates d = shorten_to_workspace(model, w, step_inside_limits(model, w, H, at.gradient));
+        const double length = d.cwiseQuotient(model.kind->configuration_scale).norm();
+        if (length < settings.tolerance) return budget = false, std::pair{w, at.value};
+        const Residuals next = residuals_at(model, points, settings, previous, w + d);
+        ++evaluations;
+        if (next.value < at.value) {
+            const double gained = at.value - next.value;
+            w += d;
+            at = next;
+            damping = std::max(1e-9, 0.1 * damping);
+            if (gained < settings.tolerance * settings.tolerance * (1 + at.value))
+                return budget = false, std::pair{w, at.value};
+        } else {
+            damping = std::max(1e-4, 10 * damping);
+            if (!std::isfinite(damping) || damping > 1e8) return budget = false, std::pair{w, at.value};
+        }
+    }
+    return {w, at.value};
+}
+
+MatchingResult match_least_squares(const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                                   const MatchingSettings& settings, const Coordinates& start) {
+    int evaluations = 0;
+    bool budget = false;
+    auto [best, value] = descend(model, points, settings, start, start, evaluations, budget);
+    if (settings.solver == MatchingSolver::multistart) {
+        // Places that fill the box evenly (Halton), brought into the workspace.
+        static constexpr int primes[max_device_dimension] = {2, 3, 5, 7, 11, 13};
+        const Coordinates low = model.kind->open_chain ? model.joint_min : model.kind->configuration_min;
+        const Coordinates high = model.kind->open_chain ? model.joint_max : model.kind->configuration_max;
+        for (int k = 1; k <= 64; ++k) {
+            Coordinates w(start.size());
+            for (std::ptrdiff_t i = 0; i < w.size(); ++i) {
+                double f = 1, u = 0;
+                for (int x = k; x > 0; x /= primes[i]) u += (f /= primes[i]) * (x % primes[i]);
+                w[i] = low[i] + u * (high[i] - low[i]);
+            }
+            int used = 0;
+            bool unused = false;
+            const auto [other, other_value] =
+                descend(model, points, settings, start, project_to_workspace(model, w), used, unused);
+            evaluations += used;
+            if (other_value < value) best = other, value = other_value;
+        }
+    }
+    return finish(model, points, settings, start, best, budget ? MatchingStatus::budget : MatchingStatus::matched,
+                  evaluations);
+}
+
 }  // namespace
 
 Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w) {
@@ -187,6 +282,7 @@ MatchingResult match_constrained(const DeviceModel& model, const std::vector<Mat
     MatchingResult result;
     const Coordinates start = usable_start(model, previous);
     if (!has_contact(model, points, settings, start, result)) return result;
+    if (settings.solver != MatchingSolver::slsqp) return match_least_squares(model, points, settings, start);
     Problem p;
     p.model = &model;
     p.points = &points;
@@ -258,6 +354,7 @@ MatchingResult match(MatchingMethod method, const DeviceModel& model, const std:
                      const MatchingSettings& settings, const Coordinates& previous) {
     switch (method) {
         case MatchingMethod::constrained:
+        case MatchingMethod::force:
             return match_constrained(model, points, settings, previous);
         case MatchingMethod::unconstrained:
             return match_unconstrained(model, points, settings, previous);
@@ -274,6 +371,8 @@ bool parse_method(const std::string& name, MatchingMethod& method) {
         method = MatchingMethod::unconstrained;
     else if (name == "plane")
         method = MatchingMethod::plane;
+    else if (name == "force")
+        method = MatchingMethod::force;
     else
         return false;
     return true;

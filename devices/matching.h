@@ -28,11 +28,23 @@ DiskDistance disk_distance(const Eigen::Vector3d& x, const Platform& platform, d
 /// cone); negative inside.
 DiskDistance cone_distance(const Eigen::Vector3d& x, const Platform& platform, double radius);
 
+/// How the constrained problem is solved.
+enum class MatchingSolver {
+    slsqp,          ///< NLopt
+    least_squares,  ///< damped Gauss-Newton on the distances
+    multistart      ///< least squares from many places: slow, and the reference that says how local the others are
+};
+
 struct MatchingSettings {
+    MatchingSolver solver = MatchingSolver::slsqp;
     double tolerance = 1e-6;  ///< relative change of the scaled configuration at which SLSQP stops
     int evaluations = 100;    ///< most evaluations of the objective
     double smoothing = 0;     ///< weight of the distance from the last configuration [mm^2]
     bool non_contact = true;  ///< include N_O (Eq. 3's second sum)
+    // Of the method "force" (engine/thimbles/force_matching.h):
+    int force_rounds = 1;      ///< solves of the pad, in all lanes at once, per rendering step
+    int force_iterations = 3;  ///< most Newton iterations of each
+    double net_weight = 0;     ///< of the net force's error against that of the nodes' forces
 };
 
 struct MatchingObjective {
@@ -45,7 +57,7 @@ MatchingObjective matching_objective(const DeviceModel& model, const std::vector
                                      const MatchingSettings& settings, const Coordinates& previous,
                                      const Coordinates& w);
 
-enum class MatchingMethod { constrained, unconstrained, plane };
+enum class MatchingMethod { constrained, unconstrained, plane, force };
 enum class MatchingStatus {
     matched,     ///< solved
     no_contact,  ///< nothing touches: the rest configuration
@@ -60,6 +72,7 @@ struct MatchingResult {
     double rms_m = 0;     ///< root of the mean squared distance of touching points to the disk [m]
     int evaluations = 0;
     bool constraint_active = false;  ///< a joint is at its limit
+    double force_residual_N = 0;     ///< root of sum |F_i - Fbar_i|^2, as force matching solves it
 };
 
 /// Eq. 2: minimise f over w subject to C(q(w)) >= 0, from the warm start `previous`.
@@ -71,14 +84,14 @@ MatchingResult match_unconstrained(const DeviceModel&, const std::vector<Matchin
 /// Plane of least squares through C_O, then project onto the workspace.
 MatchingResult match_plane(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
                            const Coordinates& previous);
-/// One of the three.
+/// One of the three; for `force` the constrained match, from which it starts.
 MatchingResult match(MatchingMethod, const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
                      const Coordinates& previous);
 
 /// The reachable configuration nearest to w, in scaled coordinates.
 Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w);
 
-/// Method by name ("constrained", "unconstrained", "plane"); false if there is none.
+/// Method by name ("constrained", "unconstrained", "plane", "force"); false if there is none.
 bool parse_method(const std::string& name, MatchingMethod& method);
 
 }  // namespace palpate

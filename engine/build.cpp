@@ -148,7 +148,8 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
                  std::vector<Skin>& skins) {
     const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
     const bool shared = a.fingers.size() > 1 && a.mesh->tets.size() <= largest_shared_mesh;
-    const auto topology = std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared, spec.solver.sample_refinement));
+    const auto topology =
+        std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared, spec.solver.sample_refinement));
     for (std::size_t first = 0; first < a.fingers.size();) {
         const int width = shared ? chunk_width<T>(int(a.fingers.size() - first)) : 1;
         const std::size_t last = std::min(a.fingers.size(), first + width);
@@ -236,11 +237,18 @@ World build_world(const SceneSpec& spec) {
         m.points.resize(spec.fingers[t.finger].mesh.pad_nodes.size());
         m.result.w = t.model.rest;
         m.result.q = t.model.kind->joints(t.model, t.model.rest).q;
+        m.geometric = m.result;
         const EntityId thimble = world.thimbles.create();
+        if (t.method == MatchingMethod::force)
+            world.force_matchers.add(thimble, build_force_matcher(spec.fingers[t.finger], t.model, t.settings));
         world.matchings.add(thimble, std::move(m));
         world.device_links.add(thimble);
     }
     return world;
+}
+
+ForceMatcher build_force_matcher(const FingerSpec& f, const DeviceModel& model, const MatchingSettings& settings) {
+    return build_force_matcher(parameters_of(f), f.material, model, settings);
 }
 
 namespace {

@@ -57,6 +57,9 @@ struct SceneSpec {
 /// sentences of validate().
 World build_world(const SceneSpec& spec);
 
+/// A force matcher for one of a scene's fingers.
+ForceMatcher build_force_matcher(const FingerSpec& finger, const DeviceModel& model, const MatchingSettings& settings);
+
 /// One finger's nodes [m], world frame.
 std::vector<Point> finger_positions(const World& world, EntityId finger);
 /// One finger's reactions [N], world frame: at each bone node the force with which the bone holds the skin (inertia

@@ -34,7 +34,8 @@ void step(World& w, oneapi::tbb::task_arena& arena) {
     });
     timed(w.profile.extract_contact,
           [&] { extract_contact(w.skins, w.double_chunks, w.float_chunks, w.couplings, w.contact_surfaces); });
-    timed(w.profile.match_devices, [&] { match_devices(w.contact_surfaces, w.time, arena, w.matchings); });
+    timed(w.profile.match_devices,
+          [&] { match_devices(w.contact_surfaces, w.time, arena, w.matchings, w.force_matchers); });
     timed(w.profile.publish, [&] { publish(w.matchings, w.time, w.sampled_at, w.device_links); });
     for (RigidShape& shape : w.shapes) shape.previous = shape.pose;
 }

@@ -40,7 +40,7 @@ void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<doubl
 
 /// Solves the thimbles that are due, in parallel.
 void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::tbb::task_arena& arena,
-                   Table<Matching>& matchings);
+                   Table<Matching>& matchings, Table<ForceMatcher>& force_matchers);
 
 /// Puts each fresh result into its thimble's mailbox.
 void publish(const Table<Matching>& matchings, double time, double sampled_at, Table<DeviceLink>& links);

@@ -12,6 +12,7 @@
 #include "engine/bodies/pose_filter.h"
 #include "engine/ecs/table.h"
 #include "engine/skin/chunk.h"
+#include "engine/thimbles/force_matching.h"
 
 namespace palpate {
 
@@ -72,13 +73,14 @@ struct ObjectContact {
 /// Finger: its contact this step, written by extract_contact. Arrays are [sample], nodes alone: forces of samples
 /// between nodes count to the nodes around them.
 struct ContactSurface {
-    std::vector<double> area;            ///< share of the rest surface [m^2], written at load
-    std::vector<Vec3<double>> position;  ///< finger frame [m]
-    std::vector<Vec3<double>> force;     ///< on the skin, world frame [N]
-    std::vector<char> touches;           ///< 1 in C_O, 0 in N_O
-    Vec3<double> total{0, 0, 0};         ///< sum of forces [N]
-    double normal_force = 0;             ///< sum of normal forces [N]
-    double touching_area = 0;            ///< [m^2]
+    std::vector<double> area;                      ///< share of the rest surface [m^2], written at load
+    Pose<double> bone = Pose<double>::identity();  ///< finger frame -> world
+    std::vector<Vec3<double>> position;            ///< finger frame [m]
+    std::vector<Vec3<double>> force;               ///< on the skin, world frame [N]
+    std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
+    Vec3<double> total{0, 0, 0};                   ///< sum of forces [N]
+    double normal_force = 0;                       ///< sum of normal forces [N]
+    double touching_area = 0;                      ///< [m^2]
     int touching = 0;
     std::array<ObjectContact, max_contact_slots> objects;  ///< those near it
 };
@@ -104,7 +106,7 @@ struct Matching {
     double next = 0;                    ///< simulation time of the next solve [s]
     bool fresh = false;                 ///< solved in this step
     std::vector<MatchingPoint> points;  ///< scratch, [sample]
-    MatchingResult result;
+    MatchingResult result, geometric;   ///< geometric: what force matching started from
     std::int64_t solves = 0, constrained_solves = 0, failures = 0, contact_solves = 0;
 };
 
@@ -145,8 +147,9 @@ struct World {
     Vec3<double> gravity{0, 0, -9.81};       ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;
     BodySolve body_solve;
-    Table<Matching> matchings;       ///< per thimble
-    Table<DeviceLink> device_links;  ///< per thimble with a device
+    Table<Matching> matchings;           ///< per thimble
+    Table<ForceMatcher> force_matchers;  ///< per thimble that matches forces
+    Table<DeviceLink> device_links;      ///< per thimble with a device
     std::vector<SkinChunk<double>> double_chunks;
     std::vector<SkinChunk<float>> float_chunks;
 

@@ -12,22 +12,41 @@ struct PadOnPlatform {
 };
 PadOnPlatform make_pad_on_platform(const FingerSpec& finger, const DeviceModel& model);
 
-/// Puts the platform to configuration w, solves for static equilibrium and returns the force on each
-/// pad sample, finger frame [N]. `converged` says whether the solve met its tolerances.
-std::vector<Vec3<double>> resimulate(PadOnPlatform& pad, const DeviceModel& model, const Coordinates& w,
-                                     oneapi::tbb::task_arena& arena, bool& converged);
+/// Puts the platform to configuration w and solves for static equilibrium; the pad's contact is then in
+/// pad.world.contact_surfaces[0]. Returns whether the solve met its tolerances.
+bool resimulate(PadOnPlatform& pad, const DeviceModel& model, const Coordinates& w, oneapi::tbb::task_arena& arena);
+
+/// How the rendered contact differs from the wanted one. Finger frame.
+struct RenderingError {
+    double field_N = 0;      ///< sum of |F_i - Fbar_i|
+    double net_N = 0;        ///< |sum F_i - sum Fbar_i|
+    double torque_Nmm = 0;   ///< of the forces, about the finger's origin
+    double area_mm2 = 0;     ///< of samples that touch in one and not in the other
+    double centroid_mm = 0;  ///< between the centres of pressure; 0 where one is without force
+};
 
 /// One rendering step of one finger.
 struct ComparedStep {
     double time = 0, roll_deg = 0;
-    double virtual_force_N = 0;       ///< sum of |F_i| of the virtual contact
-    std::array<double, 3> error_N{};  ///< sum of |F_i - Fbar_i| per method, in MatchingMethod's order
-    std::array<MatchingResult, 3> result;
-    std::array<bool, 3> converged{};
+    double virtual_force_N = 0;  ///< sum of |F_i| of the virtual contact
+    struct Method {
+        MatchingResult result;
+        RenderingError error;
+        bool converged = false;
+        double microseconds = 0;  ///< of the match
+    };
+    std::vector<Method> methods;  ///< as asked for
 };
 
-/// Runs the scene; at each rendering step of each thimble solves all three methods and re-simulates.
-std::vector<std::vector<ComparedStep>> compare(Simulation& simulation, const std::atomic<bool>& stop,
+struct CompareOptions {
+    std::vector<MatchingMethod> methods{MatchingMethod::constrained, MatchingMethod::unconstrained,
+                                        MatchingMethod::plane, MatchingMethod::force};
+    bool through_servo = false;  ///< what a simulated servo makes of it: quantised and delayed
+};
+
+/// Runs the scene; at each rendering step of each thimble matches with every method and simulates the pad again.
+std::vector<std::vector<ComparedStep>> compare(Simulation& simulation, const CompareOptions& options,
+                                               const std::atomic<bool>& stop,
                                                const std::function<void(double)>& progress);
 
 }  // namespace palpate

@@ -94,11 +94,17 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     kinds.emplace_back("chain");
     const std::string kind = s.choice("kind", "chinello-3rrs", kinds);
     t.model = kind == "chain" ? read_chain(s) : find_kind(kind)->defaults();
-    parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane"}), t.method);
+    parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane", "force"}), t.method);
     t.period = s.number("period_ms", 20, 1, 1000, ms);
     t.settings.tolerance = s.number("tolerance", t.settings.tolerance, 1e-12, 0.1);
     t.settings.evaluations = s.integer("evaluations", t.settings.evaluations, 3, 100000);
     t.settings.smoothing = s.number("smoothing", 0, 0, 1e6);
+    const std::vector<std::string> solvers{"slsqp", "least-squares", "multistart"};  // as MatchingSolver has them
+    const std::string solver = s.choice("solver", solvers[0], solvers);
+    t.settings.solver = MatchingSolver(std::find(solvers.begin(), solvers.end(), solver) - solvers.begin());
+    t.settings.force_rounds = s.integer("force_rounds", t.settings.force_rounds, 1, 100);
+    t.settings.force_iterations = s.integer("force_iterations", t.settings.force_iterations, 1, 1000);
+    t.settings.net_weight = s.number("net_weight", t.settings.net_weight, 0, 1e6);
     t.settings.non_contact = s.boolean("non_contact", true);
     t.model.disk_radius = s.number("platform_radius_mm", t.model.disk_radius / mm, 0.1, 100, mm);
     t.model.clearance = s.number("clearance_mm", t.model.clearance / mm, 0, 10, mm);

@@ -54,6 +54,7 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     const SkinTopology& t = *c.topology;
     const int W = c.width;
     const Pose<double> bone = lane_bone(c, lane);
+    out.bone = bone;
     Vec3<double> pull;  // both from the origin
     for (int d = 0; d < 3; ++d)
         pull[d] = double(c.scratch.bone_springs[(2 + d) * W + lane]) - double(c.state.bone[d * W + lane]);

@@ -45,30 +45,18 @@ void for_each_array(Chunk& c, Visit visit) {
                     &s.tangential_multiplier, &s.friction_radius, &s.friction_normal, &s.svd_guess, &s.penalty_scale})
         visit(*a);
     auto& w = c.scratch;
-    for (auto* a : {&w.start_position,
-                    &w.start_bone,
-                    &w.inertia_target,
-                    &w.bone_springs,
-                    &w.slot_frame,
-                    &w.base_position,
-                    &w.base_bone,
-                    &w.gradient,
-                    &w.pending,
-                    &w.direction,
-                    &w.permuted,
-                    &w.blocks,
-                    &w.panels,
-                    &w.panel_work,
-                    &w.factor,
-                    &w.first_direction,
-                    &w.sample_gradient,
-                    &w.sample_curvature,
-                    &w.sample_residual,
-                    &w.limit_candidate,
-                    &w.normal_candidate,
-                    &w.tangential_candidate,
-                    &w.contact_normal,
-                    &w.svd})
+    for (auto* a : {&w.start_position,   &w.start_bone,
+                    &w.inertia_target,   &w.bone_springs,
+                    &w.slot_frame,       &w.base_position,
+                    &w.base_bone,        &w.gradient,
+                    &w.pending,          &w.direction,
+                    &w.permuted,         &w.blocks,
+                    &w.panels,           &w.panel_work,
+                    &w.factor,           &w.first_direction,
+                    &w.sample_gradient,  &w.sample_curvature,
+                    &w.sample_residual,  &w.limit_candidate,
+                    &w.normal_candidate, &w.tangential_candidate,
+                    &w.contact_normal,   &w.svd})
         visit(*a);
     auto& x = c.exchange;
     for (auto* a : {&x.centre, &x.slot_gradient, &x.slot_curvature, &x.columns, &x.body_gradient, &x.body_rhs,
@@ -212,10 +200,14 @@ void place_slots(SkinChunk<T>& c) {
         if (c.slots[slot].object < 0) continue;
         T* out = &c.scratch.slot_frame[24 * std::size_t(slot) * W];
         for (const Pose<double>* pose : {&c.slots[slot].pose, &c.slots[slot].start}) {
-            const Mat3<double> R = rotation_matrix(pose->rotation);
-            for (int i = 0; i < 12; ++i, out += W)
-                for (int l = 0; l < W; ++l)
-                    out[l] = T(i < 9 ? R.m[i / 3][i % 3] : pose->position[i - 9] - c.state.origin[(i - 9) * W + l]);
+            for (int l = 0; l < W; ++l) {
+                if (!c.lane_poses.empty() && slot == 0) pose = &c.lane_poses[std::size_t(l)];
+                const Mat3<double> R = rotation_matrix(pose->rotation);
+                for (int i = 0; i < 12; ++i)
+                    out[i * W + l] =
+                        T(i < 9 ? R.m[i / 3][i % 3] : pose->position[i - 9] - c.state.origin[(i - 9) * W + l]);
+            }
+            out += 12 * W;
         }
     }
 }
@@ -275,16 +267,15 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     return bytes;
 }
 
-#define PALPATE_INSTANTIATE(T)                                                                              \
-    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int,  \
-                                 bool);                                                                     \
-    template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);            \
-    template void place_slots(SkinChunk<T>&);                                                               \
-    template void rebase_lane(SkinChunk<T>&, int);                                                          \
-    template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                            \
-    template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                     \
-    template Pose<double> lane_bone(const SkinChunk<T>&, int);                                              \
-    template void fill_empty_lanes(SkinChunk<T>&);                                                          \
+#define PALPATE_INSTANTIATE(T)                                                                                    \
+    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool); \
+    template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                  \
+    template void place_slots(SkinChunk<T>&);                                                                     \
+    template void rebase_lane(SkinChunk<T>&, int);                                                                \
+    template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \
+    template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                           \
+    template Pose<double> lane_bone(const SkinChunk<T>&, int);                                                    \
+    template void fill_empty_lanes(SkinChunk<T>&);                                                                \
     template std::size_t memory_bytes(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)

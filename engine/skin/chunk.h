@@ -179,6 +179,8 @@ struct SkinChunk {
     std::vector<int> finger;               ///< [lane] row of the finger; -1 where empty
     std::vector<SkinStatus> status;        ///< [lane]
     std::array<ContactSlot, max_contact_slots> slots;
+    std::vector<Pose<double>>
+        lane_poses;         ///< [lane] of the object in slot 0, where every lane sees another; else empty
     int slot_capacity = 0;  ///< slots with memory: no more than the scene has objects
     SkinRest<T> rest;
     SkinState<T> state;

@@ -6,7 +6,7 @@ namespace palpate {
 
 namespace {
 
-void match_one(const ContactSurface& surface, Matching& m) {
+void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces) {
     const Eigen::Isometry3d to_device = m.model.mount.inverse();
     for (std::size_t s = 0; s < surface.position.size(); ++s) {
         const Vec3<double>& p = surface.position[s];
@@ -14,7 +14,16 @@ void match_one(const ContactSurface& surface, Matching& m) {
         m.points[s].touches = surface.touches[s] != 0;
     }
     const Coordinates previous = m.solves > 0 ? m.result.w : m.model.rest;
-    m.result = match(m.method, m.model, m.points, m.settings, previous);
+    m.result = match(m.method, m.model, m.points, m.settings, forces ? m.geometric.w : previous);
+    if (forces) {
+        m.geometric = m.result;
+        const Mat3<double> R = rotation_matrix(surface.bone.rotation);
+        for (std::size_t s = 0; s < surface.force.size(); ++s) {
+            const Vec3<double> f = transposed_times(R, surface.force[s]);
+            for (int d = 0; d < 3; ++d) forces->wanted[std::ptrdiff_t(3 * s) + d] = f[d];
+        }
+        m.result = match_forces(*forces, m.model, m.settings, m.geometric);
+    }
     ++m.solves;
     m.contact_solves += m.result.status != MatchingStatus::no_contact;
     m.constrained_solves += m.result.status != MatchingStatus::no_contact && m.result.constraint_active;
@@ -24,7 +33,7 @@ void match_one(const ContactSurface& surface, Matching& m) {
 }  // namespace
 
 void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::tbb::task_arena& arena,
-                   Table<Matching>& matchings) {
+                   Table<Matching>& matchings, Table<ForceMatcher>& force_matchers) {
     int due = 0;
     for (Matching& m : matchings) {
         m.fresh = time >= m.next - 1e-9;
@@ -35,7 +44,7 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::t
     if (due == 0) return;
     auto solve = [&](std::size_t row) {
         Matching& m = matchings[row];
-        if (m.fresh) match_one(*surfaces.find(m.finger), m);
+        if (m.fresh) match_one(*surfaces.find(m.finger), m, force_matchers.find(matchings.owner(row)));
     };
     arena.execute(
         [&] { oneapi::tbb::parallel_for(std::size_t(0), matchings.size(), solve, oneapi::tbb::simple_partitioner()); });

@@ -1,0 +1,45 @@
+#pragma once
+// Force matching: the device configuration whose platform would press the pad as the virtual object does, node by node.
+// Perez et al. 2017 match the shape of the contact and call its forces far too complex to compute; here the pad is
+// solved against the platform, once per SIMD lane, in several configurations at once: where the last answer was, a
+// little off it along each component (which gives the Jacobian), and where better ones are expected.
+
+#include <vector>
+
+#include "devices/matching.h"
+#include "engine/skin/chunk.h"
+
+namespace palpate {
+
+/// Pose of the platform in the finger frame: z along its normal, out of its face, towards the pad; a body of
+/// `platform_thickness` whose middle is the origin.
+inline constexpr double platform_thickness = 0.004;  ///< [m], far more than any penetration
+Pose<double> platform_pose(const DeviceModel& model, const Coordinates& w);
+Shape platform_shape(const DeviceModel& model);
+
+/// Thimble with method "force": its pad, many times. Written by match_devices; built by build_world.
+struct ForceMatcher {
+    std::vector<SkinChunk<float>> chunks;  ///< lanes of one chunk after the other
+    SolverSettings solver;
+    std::vector<Coordinates> lane_w;  ///< [lane] configuration in which it was solved
+    Eigen::MatrixXd forces;           ///< [3 per sample][lane] on the pad, finger frame [N]
+    Eigen::VectorXd wanted;           ///< [3 per sample] of the virtual contact [N]
+    Eigen::VectorXd residual;         ///< [3 per sample + 3] scratch
+    Eigen::MatrixXd jacobian;         ///< [3 per sample + 3][component of w, scaled], about `centre`
+    Eigen::VectorXd centre_forces;    ///< [3 per sample] at `centre`
+    Coordinates centre;
+    double damping = 1e-3;
+    bool warm = false;                         ///< the Jacobian is that of the last rendering step
+    std::int64_t solves = 0, unconverged = 0;  ///< of lanes
+};
+
+/// `skin`: the finger at rest on the identity.
+ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, const DeviceModel& model,
+                                 const MatchingSettings& settings);
+
+/// Forces on the pad's nodes in the finger frame -> configuration. `geometric` is the match of the contact's shape:
+/// what comes back is never worse, by sum |F_i - Fbar_i|^2 as the matcher solves it. No allocation.
+MatchingResult match_forces(ForceMatcher& matcher, const DeviceModel& model, const MatchingSettings& settings,
+                            const MatchingResult& geometric);
+
+}  // namespace palpate
