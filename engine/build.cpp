@@ -147,6 +147,7 @@ template <class T>
 void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks,
                  std::vector<Skin>& skins) {
     const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
+    const bool soft = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.stiffness > 0; });
     const bool shared = a.fingers.size() > 1 && a.mesh->tets.size() <= largest_shared_mesh;
     const auto topology =
         std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared, spec.solver.sample_refinement));
@@ -162,6 +163,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
             const int finger = a.fingers[k];
             const FingerSpec& f = spec.fingers[finger];
             set_lane(chunk, int(k - first), finger, parameters_of(f), f.start);
+            if (soft) set_contact_areas(chunk, int(k - first), f.mesh);
             skins[finger] = {f.name, sizeof(T) == 4, int(chunks.size()) - 1, int(k - first), f.mesh, f.start};
         }
         fill_empty_lanes(chunk);
@@ -169,14 +171,8 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
     }
 }
 
-/// A third of the area of each boundary triangle goes to each of its corners.
 ContactSurface contact_surface_of(const TetMesh& mesh) {
-    std::vector<double> area(mesh.nodes.size(), 0.0);
-    auto at = [&](int i) { return Eigen::Map<const Eigen::Vector3d>(mesh.nodes[i].data()); };
-    for (const auto& t : mesh.surface) {
-        const double share = (at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])).norm() / 6;
-        for (int i : t) area[i] += share;
-    }
+    const std::vector<double> area = nodal_areas(mesh);
     ContactSurface c;
     for (int node : mesh.pad_nodes) {
         c.area.push_back(area[node]);
@@ -219,6 +215,7 @@ World build_world(const SceneSpec& spec) {
         RigidShape& shape = world.shapes.add(object, {o.name, o.shape, o.pose, o.pose, o.friction});
         shape.mesh = o.mesh;
         shape.shape.mesh = o.mesh.get();
+        shape.stiffness = o.stiffness;
         if (!o.body) continue;
         shape.body = int(world.bodies.size());
         world.bodies.add(object, *o.body);

@@ -29,6 +29,7 @@ struct ObjectSpec {
     Shape shape;
     Pose<double> pose = Pose<double>::identity();
     double friction = 0;
+    double stiffness = 0;                                ///< pressure on skin per depth [Pa/m]; 0: rigid
     std::optional<RigidBody> body = {};                  ///< present: forces move it
     std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };

@@ -91,8 +91,9 @@ struct RigidShape {
     Shape shape;
     Pose<double> pose = Pose<double>::identity();      ///< at the end of this step
     Pose<double> previous = Pose<double>::identity();  ///< at the end of the last one
-    double friction = 0;  ///< Coulomb coefficient against skin; against another object the geometric mean of both
-    int body = -1;        ///< row of its body; -1: fixed or scripted
+    double friction = 0;   ///< Coulomb coefficient against skin; against another object the geometric mean of both
+    double stiffness = 0;  ///< pressure on skin per depth, where the object gives way [Pa/m]; 0: rigid
+    int body = -1;         ///< row of its body; -1: fixed or scripted
     std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };
 

@@ -238,6 +238,7 @@ void read_objects(Section& root, Scene& scene, const std::filesystem::path& fold
             o.shape = read_shape(s, kind);
         o.pose = read_pose(s);
         o.friction = s.number("friction", 0, 0, 100);
+        o.stiffness = s.number("stiffness_kPa_per_mm", 0, 0, 1e6, kPa / mm);
         if (o.shape.kind != ShapeKind::mesh || o.mesh) read_body(s, o);
         auto track = read_track(s);
         if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg")))

@@ -107,8 +107,8 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& b
             slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity,
                                 [](const ContactSlot& s) { return s.object < 0; });
         const RigidShape& shape = shapes[near[i].object];
-        *slot = {near[i].object, shape.shape, shape.pose, shape.previous,
-                 shape.friction, shape.body,  {},         near[i].lanes};
+        *slot = {near[i].object,  shape.shape, shape.pose, shape.previous, shape.friction,
+                 shape.stiffness, shape.body,  {},         near[i].lanes};
         if (shape.body >= 0) slot->mass_centre = bodies[shape.body].mass_centre;
     }
     return crowded;

@@ -38,7 +38,7 @@ template <class Chunk, class Visit>
 void for_each_array(Chunk& c, Visit visit) {
     auto& r = c.rest;
     for (auto* a : {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty,
-                    &r.mass, &r.contact_penalty, &r.tissue_stiffness, &r.extent, &r.rest_position})
+                    &r.mass, &r.contact_penalty, &r.contact_area, &r.tissue_stiffness, &r.extent, &r.rest_position})
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
@@ -194,6 +194,27 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
 }
 
 template <class T>
+void set_contact_areas(SkinChunk<T>& c, int lane, const TetMesh& mesh) {
+    const SkinTopology& t = *c.topology;
+    const std::vector<double> area = nodal_areas(mesh);
+    const std::size_t S = t.sample_count();
+    c.rest.contact_area.resize(S * std::size_t(c.width));
+    // Samples between nodes take their part of the area around them.
+    const double share = double(t.samples.size()) / double(S);
+    for (std::size_t s = 0; s < S; ++s) {
+        double a = 0;
+        if (s < t.samples.size())
+            a = area[std::size_t(t.samples[s])];
+        else
+            for (int k = 0; k < 3; ++k) {
+                const FaceSample& f = t.face_samples[s - t.samples.size()];
+                a += f.weight[k] * area[std::size_t(f.node[k])];
+            }
+        c.rest.contact_area[s * std::size_t(c.width) + std::size_t(lane)] = T(share * a);
+    }
+}
+
+template <class T>
 void place_slots(SkinChunk<T>& c) {
     const int W = c.width;
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
@@ -270,6 +291,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
 #define PALPATE_INSTANTIATE(T)                                                                                    \
     template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool); \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                  \
+    template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                          \
     template void place_slots(SkinChunk<T>&);                                                                     \
     template void rebase_lane(SkinChunk<T>&, int);                                                                \
     template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \

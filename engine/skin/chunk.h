@@ -40,6 +40,7 @@ struct SkinRest {
     LaneArray<T> limit_penalty;          ///< [element] base penalty of the limits [Pa]; empty without limits
     LaneArray<T> mass;                   ///< [node] [kg]
     LaneArray<T> contact_penalty;        ///< [sample] [N/m]
+    LaneArray<T> contact_area;           ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
     LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
     LaneArray<T> extent;                 ///< [1] largest distance of a node from the bone's origin [m]
     LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
@@ -102,6 +103,7 @@ struct ContactSlot {
     Pose<double> pose;           ///< at the end of the step; of a body: as far as the solve has got
     Pose<double> start;          ///< at its beginning
     double friction = 0;         ///< Coulomb coefficient
+    double stiffness = 0;        ///< pressure per depth of an object that gives way [Pa/m]; 0: rigid
     int body = -1;               ///< row of the body that moves it; -1 = fixed or scripted
     Vec3<double> mass_centre{};  ///< of the body, in the object's frame [m]
     unsigned near_lanes = 0;     ///< bit per lane that may touch it in this step
@@ -208,6 +210,10 @@ void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> top
 /// Writes one finger into a lane, at rest on the bone pose `bone`.
 template <class T>
 void set_lane(SkinChunk<T>& chunk, int lane, int finger, const SkinParameters& parameters, const Pose<double>& bone);
+
+/// Gives every sample of every used lane its share of the rest surface: needed where objects give way.
+template <class T>
+void set_contact_areas(SkinChunk<T>& chunk, int lane, const TetMesh& mesh);
 
 /// Writes where the slots' objects are, as each lane sees them: after a pose or an origin has changed.
 template <class T>

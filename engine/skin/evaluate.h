@@ -326,6 +326,7 @@ struct SampleContact {
     Vec3<R> local_normal;  ///< object's frame
     ContactState<R> state;
     bool friction;
+    bool soft;  ///< the object gives way: its force is what its depth makes it, and no multiplier
     bool idle;  ///< touches in no lane, nor did at the last multiplier update: all terms are zero, and left out
     ContactTerms<R> terms;
 };
@@ -346,7 +347,13 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
     const R base = load<R>(&c.rest.contact_penalty[s * W]), scale = load<R>(&c.state.penalty_scale[0]);
-    const R k = base * scale, k_slip = base * minimum(scale, R(T(16)));
+    const R k_slip = base * minimum(scale, R(T(16)));
+    R k = base * scale;
+    out.soft = object.stiffness > 0;
+    if (out.soft) {
+        out.state.normal_multiplier = R(0);
+        k = R(T(object.stiffness)) * load<R>(&c.rest.contact_area[s * W]);
+    }
     MaskOf<R> idle = (out.state.normal_multiplier <= R(0)) & (k * out.surface.distance >= R(0));
     Vec3<R> tangential = zero;
     if (out.friction) {
@@ -369,6 +376,7 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
                (local - transposed_times(load_mat3<R>(frame.start), before - load_vec3<R>(frame.start + 9 * W)));
     }
     out.terms = contact_terms(out.surface, slip, k, k_slip, out.state, out.friction, exactness);
+    if (out.soft) out.state.normal_multiplier = out.terms.normal_force;  // nothing of it is pending
     return out;
 }
 
@@ -393,7 +401,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
                 out.energy += terms.energy;
                 out.contact_force += terms.normal_force;
                 out.pending += change * change;
-                out.penetration = maximum(-contact.surface.distance, out.penetration);
+                if (!contact.soft) out.penetration = maximum(-contact.surface.distance, out.penetration);
                 add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
                 if constexpr (want == Want::forces_and_matrix)
                     add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);

@@ -1,5 +1,7 @@
 #include "engine/skin/topology.h"
 
+#include "engine/ecs/linear.h"
+
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
@@ -222,6 +224,16 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
     if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);
     t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
     return t;
+}
+
+std::vector<double> nodal_areas(const TetMesh& mesh) {
+    std::vector<double> area(mesh.nodes.size(), 0.0);
+    auto at = [&](int i) { return Vec3<double>{mesh.nodes[i][0], mesh.nodes[i][1], mesh.nodes[i][2]}; };
+    for (const auto& t : mesh.surface) {
+        const double share = norm(cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]))) / 6;
+        for (int i : t) area[i] += share;
+    }
+    return area;
 }
 
 }  // namespace palpate

@@ -80,4 +80,7 @@ struct SkinTopology {
 /// times as many along each edge of the pad.
 SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true, int sample_refinement = 1);
 
+/// Share of the surface of every node [m^2]: a third of each triangle around it.
+std::vector<double> nodal_areas(const TetMesh& mesh);
+
 }  // namespace palpate

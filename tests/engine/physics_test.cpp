@@ -2,6 +2,7 @@
 
 #include "engine/skin/evaluate.h"
 #include "engine/skin/kernels.h"
+#include "engine/step.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -359,6 +360,48 @@ TEST(Physics, SinglePrecisionAgreesWithDouble) {
         solve_skin(f, loose);
     }
     EXPECT_NEAR(f.status[0].contact_force_N, d.status[0].contact_force_N, 2e-3 * d.status[0].contact_force_N);
+}
+
+/// An object that gives way presses back with its stiffness, each sample's area and the depth there; a very stiff one
+/// does what a rigid one does.
+TEST(SoftObjects, PressBackAsDeepAsTheyArePressed) {
+    auto pressed = [](double stiffness) {
+        SceneSpec spec;
+        spec.solver.inertia = false;
+        FingerSpec f;
+        f.name = "block";
+        f.mesh = testing::block_mesh(3, 3, 2, 0.004);
+        f.has_limits = true;
+        f.start.position = {0, 0, 0.0045};
+        spec.fingers.push_back(f);
+        spec.objects.push_back({"floor", {}, Pose<double>::identity()});
+        spec.objects.back().stiffness = stiffness;
+        World world = build_world(spec);
+        oneapi::tbb::task_arena arena(1);
+        world.tracker_poses[0].incoming.valid = true;
+        world.tracker_poses[0].incoming.pose.position = {0, 0, 0.0034};
+        for (int k = 0; k < 20; ++k) {
+            world.tracker_poses[0].incoming.time = world.time;
+            step(world, arena);
+        }
+        EXPECT_TRUE(skin_status(world, world.skins.owner(0)).converged);
+        return world;
+    };
+    const double stiffness = 5e6;  // 5 kPa per mm
+    const World soft = pressed(stiffness);
+    const ContactSurface& c = soft.contact_surfaces[0];
+    const Pose<double> bone = bone_pose(soft, soft.skins.owner(0));
+    double deepest = 0;
+    for (std::size_t s = 0; s < c.area.size(); ++s) {
+        const double depth = std::max(0.0, -transform(bone, c.position[s]).z);
+        EXPECT_NEAR(c.force[s].z, stiffness * c.area[s] * depth, 1e-9);
+        deepest = std::max(deepest, depth);
+    }
+    EXPECT_GT(deepest, 2e-4);
+    EXPECT_GT(c.touching, 9);
+    const double rigid = pressed(0).contact_surfaces[0].normal_force;
+    EXPECT_LT(c.normal_force, 0.8 * rigid);
+    EXPECT_NEAR(pressed(1e12).contact_surfaces[0].normal_force, rigid, 2e-3 * rigid);
 }
 
 }  // namespace

@@ -56,6 +56,7 @@ SceneSpec scene_of(int fingers, bool device, double friction = 0.4, bool bodies 
             t.finger = i;
             t.model = find_kind("chinello-3rrs")->defaults();
             t.model.mount.translation().z() = -0.004 + 0.0246;
+            if (i % 2) t.method = MatchingMethod::force;
             spec.thimbles.push_back(t);
         }
     }

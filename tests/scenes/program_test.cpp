@@ -327,22 +327,24 @@ TEST(HeavyLoads, TheyHoldWithFrictionToo) {
 TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
     Simulation s = make_simulation(load_scene(scenes + "roll.toml"), 2);
     const std::atomic<bool> stop{false};
-    const auto steps = compare(s, stop, {}).at(0);
-    double limit = 90, beyond[3] = {}, last_total = 0;
+    const auto steps = compare(s, {}, stop, {}).at(0);
+    double limit = 90, beyond[4] = {}, last_total = 0, within[4] = {};
     for (const ComparedStep& row : steps)
-        for (const MatchingResult& r : row.result)
-            if (r.constraint_active) limit = std::min(limit, std::abs(row.roll_deg));
+        for (int m = 0; m < 3; ++m)
+            if (row.methods[m].result.constraint_active) limit = std::min(limit, std::abs(row.roll_deg));
     EXPECT_GT(limit, 25);
     EXPECT_LT(limit, 40);
     int count = 0;
     for (const ComparedStep& row : steps) {
-        for (int m = 0; m < 3; ++m) EXPECT_TRUE(row.converged[m]);
+        for (const auto& m : row.methods) EXPECT_TRUE(m.converged);
         if (row.virtual_force_N < 0.1) continue;
         if (row.roll_deg < limit - 1) {
             for (int m = 0; m < 3; ++m)
-                EXPECT_LT(row.error_N[m], 0.10 * row.virtual_force_N) << "roll " << row.roll_deg << " method " << m;
+                EXPECT_LT(row.methods[m].error.field_N, 0.10 * row.virtual_force_N)
+                    << "roll " << row.roll_deg << " method " << m;
+            for (int m = 0; m < 4; ++m) within[m] += row.methods[m].error.field_N;
         } else if (row.roll_deg > 40) {
-            for (int m = 0; m < 3; ++m) beyond[m] += row.error_N[m];
+            for (int m = 0; m < 4; ++m) beyond[m] += row.methods[m].error.field_N;
             last_total = row.virtual_force_N;
             ++count;
         }
@@ -351,6 +353,27 @@ TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
     EXPECT_LT(beyond[0], 0.5 * beyond[1]);
     EXPECT_LT(beyond[0], 0.5 * beyond[2]);
     EXPECT_GT(last_total, 0.5);
+    // Forces matched instead of shapes: most of the error goes where the device can follow, and some beyond.
+    EXPECT_LT(within[3], 0.25 * within[0]);
+    EXPECT_LT(beyond[3], beyond[0]);
+}
+
+/// What the matcher finds must be what a converged solve in double precision would choose, too.
+TEST(ForceMatching, LowersTheErrorOfEveryContactThatThePlatformCanTouch) {
+    const std::atomic<bool> stop{false};
+    CompareOptions options;
+    options.methods = {MatchingMethod::constrained, MatchingMethod::force};
+    for (const char* scene : {"edge.toml", "ball.toml", "soft_ball.toml"}) {
+        Simulation s = make_simulation(load_scene(scenes + scene), 2);
+        double geometric = 0, force = 0;
+        const auto steps = compare(s, options, stop, {}).at(0);
+        for (const ComparedStep& row : steps) {
+            geometric += row.methods[0].error.field_N;
+            force += row.methods[1].error.field_N;
+        }
+        std::printf("%s: force matching has %.3f of the geometric match's error\n", scene, force / geometric);
+        EXPECT_LT(force, 0.95 * geometric) << scene;
+    }
 }
 
 TEST(RealData, TheRecordedHandDrivesFiveFingersToItsEnd) {
