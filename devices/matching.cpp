@@ -288,6 +288,9 @@ MatchingResult match_constrained(const DeviceModel& model, const std::vector<Mat
     p.points = &points;
     p.settings = &settings;
     p.previous = p.best = start;
+    // A start outside the search's box is moved into it: the result must not be worse than it was, all the same.
+    if (start != start.cwiseMax(model.kind->configuration_min).cwiseMin(model.kind->configuration_max))
+        p.offer(start, p.objective(start).value);
     const nlopt_result code = run(p, start, settings.tolerance, settings.evaluations);
     const MatchingStatus status = code == NLOPT_MAXEVAL_REACHED ? MatchingStatus::budget
                                   : p.best == start && code < 0 ? MatchingStatus::kept

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "devices/device.h"
+#include "devices/kinds/rrs_geometry.h"
 
 namespace palpate {
 
@@ -13,7 +13,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-enum Geometry { fixed_radius, fixed_half, mobile_radius, mobile_half, crank, link };
+using namespace rrs;
 
 /// Rotation R = Rx(psi) Ry(theta) Rz(phi); the yaw phi is what the three legs leave (Eq. 7).
 struct Rotation {
@@ -52,54 +52,28 @@ Platform platform(const DeviceModel& model, const Coordinates& w) {
     return p;
 }
 
-/// acos with its derivative, continued linearly near and beyond +-1, so that poses the legs cannot
-/// reach give joints past their limits instead of NaN.
-struct Arc {
-    double value, slope;
-};
-Arc extended_acos(double c) {
-    constexpr double edge = 1 - 1e-8;
-    const double inside = std::min(edge, std::max(-edge, c));
-    const double slope = -1 / std::sqrt(1 - inside * inside);
-    return {std::acos(inside) + slope * (c - inside), slope};
-}
-
-/// Seats of leg i on the fixed (A) and mobile (B) platform, each in its own frame.
-void seats(const DeviceModel& m, int leg, Vector3d& A, Vector3d& B) {
-    auto seat = [&](double radius, double half) {
-        if (leg == 0) return Vector3d(radius, 0, 0);
-        const double x = std::sqrt(std::max(0.0, radius * radius - half * half));
-        return Vector3d(-x, leg == 1 ? -half : half, 0);
-    };
-    A = seat(m.geometry[fixed_radius], m.geometry[fixed_half]);
-    B = seat(m.geometry[mobile_radius], m.geometry[mobile_half]);
-}
-
 /// Eqs. 10-13: q_i = beta_i - gamma_i, beta the angle between A_i and the leg's chord d = B_i - A_i,
 /// gamma by the law of cosines in the triangle of crank, link and chord.
 Joints joints(const DeviceModel& model, const Coordinates& w) {
     const Platform p = platform(model, w);
     const Rotation r = rotation(w[0], w[1]);
-    const double l = model.geometry[crank], L = model.geometry[link];
     Joints out;
     out.q.resize(3);
     out.dq.resize(3, 3);
     for (int leg = 0; leg < 3; ++leg) {
-        Vector3d A, B;
-        seats(model, leg, A, B);
+        const Vector3d A = fixed_seat(model, leg), B = mobile_seat(model, leg);
         const Vector3d d = p.centre + r.R * B - A;
         Eigen::Matrix3d dd = p.dcentre;  // derivative of d
         dd.col(0) += r.dtheta * B;
         dd.col(1) += r.dpsi * B;
         const double length = d.norm(), a = A.norm();
-        const double cos_beta = A.dot(d) / (a * length),
-                     cos_gamma = (l * l + length * length - L * L) / (2 * l * length);
-        const Arc beta = extended_acos(cos_beta), gamma = extended_acos(cos_gamma);
-        out.closed = out.closed && std::abs(cos_gamma) <= 1;
+        const double cos_beta = A.dot(d) / (a * length);
+        const Arc beta = extended_acos(cos_beta);
+        const ChordAngle gamma = chord_angle(model, length);
+        out.closed = out.closed && gamma.closed;
         out.q[leg] = beta.value - gamma.value;
         const Vector3d dcos_beta = A / (a * length) - cos_beta / (length * length) * d;
-        const double dcos_gamma = (1 - (l * l - L * L) / (length * length)) / (2 * l);  // by the chord's length
-        out.dq.row(leg) = (beta.slope * dcos_beta - gamma.slope * dcos_gamma / length * d).transpose() * dd;
+        out.dq.row(leg) = (beta.slope * dcos_beta - gamma.slope / length * d).transpose() * dd;
     }
     return out;
 }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "devices/device.h"
+#include "devices/kinds/rrs_geometry.h"
 
 namespace palpate {
 
@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double degree = std::numbers::pi / 180;
-enum Geometry { fixed_radius, fixed_half, mobile_radius, mobile_half, crank, link };
+using namespace rrs;
 
 struct Leg {
     Vector3d A, B;  ///< seats on the fixed and the mobile platform, each in its frame
@@ -24,16 +24,11 @@ struct Leg {
 };
 
 std::array<Leg, 3> legs_of(const DeviceModel& m) {
-    auto seat = [](double radius, double half, int leg) {
-        if (leg == 0) return Vector3d(radius, 0, 0);
-        const double x = std::sqrt(std::max(0.0, radius * radius - half * half));
-        return Vector3d(-x, leg == 1 ? -half : half, 0);
-    };
     std::array<Leg, 3> legs;
     for (int k = 0; k < 3; ++k) {
         Leg& leg = legs[std::size_t(k)];
-        leg.A = seat(m.geometry[fixed_radius], m.geometry[fixed_half], k);
-        leg.B = seat(m.geometry[mobile_radius], m.geometry[mobile_half], k);
+        leg.A = fixed_seat(m, k);
+        leg.B = mobile_seat(m, k);
         Vector3d u = leg.B - leg.A;
         if (u.norm() < 1e-9) u = leg.A;  // cranks that end above their seats: radial planes
         if (u.dot(leg.A) < 0) u = -u;
@@ -115,19 +110,10 @@ Platform platform(const DeviceModel& m, const Coordinates& w) {
     return p;
 }
 
-/// acos, continued linearly beyond +-1, so that poses out of reach give joints past their limits instead of NaN.
-double extended_acos(double x, double& slope) {
-    constexpr double edge = 1 - 1e-8;
-    const double inside = std::clamp(x, -edge, edge);
-    slope = -1 / std::sqrt(1 - inside * inside);
-    return std::acos(inside) + slope * (x - inside);
-}
-
 /// Crank angles: in its plane, a leg is a triangle of crank, link and the chord from A to B.
 Joints joints(const DeviceModel& m, const Coordinates& w) {
     const auto legs = legs_of(m);
     const Closure c = close_legs(legs, w[0], w[1]);
-    const double l = m.geometry[crank], L = m.geometry[link];
     Joints out;
     out.q.resize(3);
     out.dq.resize(3, 3);
@@ -140,14 +126,12 @@ Joints joints(const DeviceModel& m, const Coordinates& w) {
         for (int i = 0; i < 2; ++i) dd.col(i) = Vector3d(c.ds(1, i), c.ds(2, i), 0) + dR[i] * leg.B;
         dd.col(2) = Vector3d::UnitZ();
         const double x = d.dot(leg.u), z = d.z(), length = std::hypot(x, z);
-        double slope = 0;
-        const double cos_gamma = (l * l + length * length - L * L) / (2 * l * length);
-        out.closed = out.closed && std::abs(cos_gamma) <= 1;
-        out.q[k] = std::atan2(z, x) - extended_acos(cos_gamma, slope);
+        const ChordAngle gamma = chord_angle(m, length);
+        out.closed = out.closed && gamma.closed;
+        out.q[k] = std::atan2(z, x) - gamma.value;
         const Eigen::RowVector3d dx = leg.u.transpose() * dd, dz = dd.row(2);
         const Eigen::RowVector3d dlength = (x * dx + z * dz) / length;
-        out.dq.row(k) = (x * dz - z * dx) / (length * length) -
-                        slope * (1 - (l * l - L * L) / (length * length)) / (2 * l) * dlength;
+        out.dq.row(k) = (x * dz - z * dx) / (length * length) - gamma.slope * dlength;
     }
     // Legs that cannot be brought into their planes: past every limit, so that no search ends here.
     if (!c.closed) out.q.setConstant(10);
