@@ -32,6 +32,8 @@ int main(int argc, char** argv) {
     actions["home"] = palpate::add_home_command(program);
     actions["jog"] = palpate::add_jog_command(program, stop_requested);
     actions["calibrate-thimble"] = palpate::add_calibrate_thimble_command(program, stop_requested);
+    actions["sweep"] = palpate::add_sweep_command(program, stop_requested);
+    actions["stress"] = palpate::add_stress_command(program, stop_requested);
     actions["explain"] = palpate::add_explain_command(program);
     try {
         program.parse(argc, argv);

@@ -37,17 +37,20 @@ struct Range {
     double low = HUGE_VAL, high = -HUGE_VAL;
 };
 
-/// Where a value stands on the y axis: itself, or its power of ten.
-double on_axis(const Plot& plot, double y) { return !plot.log_y ? y : y > 0 ? std::log10(y) : std::nan(""); }
+/// Where a value stands on an axis: itself, or its power of ten.
+double on_axis(bool log, double v) { return !log ? v : v > 0 ? std::log10(v) : std::nan(""); }
+
+/// Text of a tick: of a decade, its number.
+std::string decade_text(double power) { return tick_text(std::pow(10, power), std::pow(10, std::min(power, 0.0))); }
 
 Range range_of(const Plot& plot, bool x) {
     Range r;
     for (const Curve& c : plot.curves)
         for (double number : x ? c.x : c.y)
-            if (const double v = x ? number : on_axis(plot, number); std::isfinite(v))
+            if (const double v = on_axis(x ? plot.log_x : plot.log_y, number); std::isfinite(v))
                 r.low = std::min(r.low, v), r.high = std::max(r.high, v);
     if (!(r.low <= r.high)) r = {0, 1};
-    if (!x && plot.log_y) return {std::floor(r.low), std::max(std::ceil(r.high), std::floor(r.low) + 1)};
+    if (x ? plot.log_x : plot.log_y) return {std::floor(r.low), std::max(std::ceil(r.high), std::floor(r.low) + 1)};
     if (!x && r.low > 0 && r.low < 0.6 * r.high) r.low = 0;
     if (r.high - r.low < 1e-12 * std::max(1.0, std::abs(r.high))) r.high = r.low + 1;
     if (!x) r.high += 0.05 * (r.high - r.low);
@@ -62,15 +65,16 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
     };
     out << "<text x=\"" << left << "\" y=\"" << y0 + 26 << "\" font-size=\"16\" font-weight=\"bold\">"
         << escaped(plot.title) << "</text>\n";
-    const double sx = tick_step(rx.high - rx.low, 7), sy = plot.log_y ? 1 : tick_step(ry.high - ry.low, 6);
+    const double sx = plot.log_x ? 1 : tick_step(rx.high - rx.low, 7),
+                 sy = plot.log_y ? 1 : tick_step(ry.high - ry.low, 6);
     for (double x = std::ceil(rx.low / sx - 1e-9) * sx; x <= rx.high + 1e-9 * sx; x += sx)
         out << "<path d=\"M" << px(x) << " " << py(ry.low) << "V" << py(ry.high) << "\" stroke=\"#e4e4e4\"/><text x=\""
-            << px(x) << "\" y=\"" << py(ry.low) + 18 << "\" text-anchor=\"middle\">" << tick_text(x, sx) << "</text>\n";
+            << px(x) << "\" y=\"" << py(ry.low) + 18 << "\" text-anchor=\"middle\">"
+            << (plot.log_x ? decade_text(x) : tick_text(x, sx)) << "</text>\n";
     for (double y = std::ceil(ry.low / sy - 1e-9) * sy; y <= ry.high + 1e-9 * sy; y += sy)
         out << "<path d=\"M" << px(rx.low) << " " << py(y) << "H" << px(rx.high) << "\" stroke=\"#e4e4e4\"/><text x=\""
             << left - 8 << "\" y=\"" << py(y) + 4 << "\" text-anchor=\"end\">"
-            << (plot.log_y ? tick_text(std::pow(10, y), std::pow(10, std::min(y, 0.0))) : tick_text(y, sy))
-            << "</text>\n";
+            << (plot.log_y ? decade_text(y) : tick_text(y, sy)) << "</text>\n";
     out << "<rect x=\"" << left << "\" y=\"" << py(ry.high) << "\" width=\"" << width - left - right << "\" height=\""
         << height - top - bottom << "\" fill=\"none\" stroke=\"#444\"/>\n<text x=\"" << 0.5 * (left + width - right)
         << "\" y=\"" << y0 + height - 14 << "\" text-anchor=\"middle\">" << escaped(plot.x_label)
@@ -80,12 +84,13 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
     for (std::size_t i = 0; i < plot.curves.size(); ++i) {
         const Curve& c = plot.curves[i];
         const char* colour = colours[i % std::size(colours)];
-        out << "<path fill=\"none\" stroke-width=\"2\" stroke=\"" << colour << "\" d=\"";
+        const char* dots = c.points ? "\" stroke-width=\"8\" stroke-linecap=\"round" : "\" stroke-width=\"2";
+        out << "<path fill=\"none" << dots << "\" stroke=\"" << colour << "\" d=\"";
         bool pen_down = false;
         for (std::size_t k = 0; k < std::min(c.x.size(), c.y.size()); ++k) {
-            const double y = on_axis(plot, c.y[k]);
-            const bool good = std::isfinite(c.x[k]) && std::isfinite(y);
-            if (good) out << (pen_down ? "L" : "M") << px(c.x[k]) << " " << py(y);
+            const double x = on_axis(plot.log_x, c.x[k]), y = on_axis(plot.log_y, c.y[k]);
+            const bool good = std::isfinite(x) && std::isfinite(y);
+            if (good) out << (pen_down && !c.points ? "L" : "M") << px(x) << " " << py(y) << (c.points ? "h0" : "");
             pen_down = good;
         }
         out << "\"/>\n<path d=\"M" << width - right + 14 << " " << legend << "h22\" stroke-width=\"2\" stroke=\""
@@ -94,9 +99,10 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
         legend += 20;
     }
     for (const Marker& m : plot.markers) {
-        if (!(m.x >= rx.low && m.x <= rx.high)) continue;
-        out << "<path d=\"M" << px(m.x) << " " << py(ry.low) << "V" << py(ry.high)
-            << "\" stroke=\"#444\" stroke-dasharray=\"5 4\"/><text x=\"" << px(m.x) - 5 << "\" y=\"" << py(ry.high) + 16
+        const double x = on_axis(plot.log_x, m.x);
+        if (!(x >= rx.low && x <= rx.high)) continue;
+        out << "<path d=\"M" << px(x) << " " << py(ry.low) << "V" << py(ry.high)
+            << "\" stroke=\"#444\" stroke-dasharray=\"5 4\"/><text x=\"" << px(x) - 5 << "\" y=\"" << py(ry.high) + 16
             << "\" text-anchor=\"end\" fill=\"#444\">" << escaped(m.name) << "</text>\n";
     }
 }

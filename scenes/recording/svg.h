@@ -10,6 +10,7 @@ namespace palpate {
 struct Curve {
     std::string name;
     std::vector<double> x, y;
+    bool points = false;  ///< dots rather than a line
 };
 struct Marker {
     std::string name;
@@ -21,6 +22,7 @@ struct Plot {
     std::vector<Curve> curves;
     std::vector<Marker> markers;
     bool log_y = false;  ///< decades; values that are not positive are left out
+    bool log_x = false;
 };
 
 /// Throws InputError where the file cannot be written.

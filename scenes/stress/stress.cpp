@@ -1,0 +1,30 @@
+#include "scenes/stress/stress.h"
+
+#include "scenes/stress/cases.h"
+
+namespace palpate {
+
+using namespace stress;
+
+const std::vector<StressCase>& stress_cases() {
+    static const std::vector<StressCase> cases{
+        {"S1", "start states: scrambled, in a point, a plane, a line, mirrored",
+         "all recover to 1e-6 in 5 s, none inverted", start_states},
+        {"S2", "deformation gradients: rank 0 to 2, mirrored, condition 1e12", "R'R = I to 1e-12, forces to 1e-6",
+         deformation_gradients},
+        {"S4", "Poisson 0 ... 0.4999, E 1 Pa ... 1 GPa, dt 0.01 ... 100 ms, density 1 ... 1e5", "every step converges",
+         material_grid},
+        {"S6", "1000 N press, reached in 0.6 s", "force to 0.1 %, limits to 1e-3, full recovery", heavy_press},
+        {"S6b", "1000 N within 0.12 s", "as S6", heavy_blow},
+        {"S7", "strain limits of almost exactly 1", "bounded iterations, violation reported", tight_limits},
+        {"S8", "contact: inside, two objects in one place, 100 m/s, needle, edge", "finite, bounded", contacts},
+        {"S10", "tracker: NaN, zero quaternion, teleport, flip, dropout, backward time",
+         "counted; thimble inside its slew limits", tracker_faults},
+        {"S12", "soak: random motion, faults, ten fingers", "finite, no memory growth", soak},
+        {"S13", "1 to 32 threads", "the same bits", determinism},
+        {"S14", "one finger made NaN", "it resets and says so; neighbours the same bits", one_finger_lost},
+    };
+    return cases;
+}
+
+}  // namespace palpate
