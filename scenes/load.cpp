@@ -43,9 +43,10 @@ std::vector<Keyframe> read_track(Section& owner) {
 /// Settings of the solve by preset; measured in the README's speed-accuracy table.
 void read_solver(Section s, Scene& scene) {
     SolverSettings& v = scene.spec.solver;
-    const std::string preset = s.choice("preset", "reference", {"reference", "real-time"});
-    if (preset == "real-time") {
-        v.newton_iterations = 2;
+    const std::string preset =
+        s.choice("preset", "reference", {"reference", "accurate", "balanced", "real-time", "fast"});
+    if (preset != "reference") {
+        v.newton_iterations = preset == "accurate" ? 6 : preset == "fast" ? 1 : 2;
         v.tolerance = 1e-4;
         v.multiplier_tolerance = 1e-3;
     }

@@ -1,6 +1,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -19,7 +20,7 @@ struct RunArguments {
     std::string scene, out, report, record;
     std::vector<std::string> overrides;
     int threads = 0;
-    double duration = 0, pads_per_second = 0;
+    double duration = 0, pads_per_second = 0, budget_ms = 0;
     bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false;
 };
 
@@ -50,10 +51,35 @@ struct RearmKey {
     }
 };
 
+/// The most accurate preset whose steps end within a budget, by running the scene's first second with each.
+std::string preset_within(const RunArguments& a, const std::vector<std::string>& overrides,
+                          const std::atomic<bool>& stop) {
+    std::string told;
+    for (const char* preset : {"reference", "accurate", "balanced", "fast"}) {
+        std::vector<std::string> tried = overrides;
+        tried.push_back(std::string("solver.preset=") + preset);
+        Simulation s = make_simulation(load_scene(a.scene, tried), a.threads);
+        s.scene.duration = std::min(s.scene.duration, std::max(1.0, 0.5 * s.scene.duration));
+        run(s, stop, {});
+        auto total = s.step_series.column("total_us");
+        std::sort(total.begin(), total.end());
+        const double p99 = total.empty() ? 0 : 1e-3 * total[std::size_t(0.99 * double(total.size() - 1))];
+        char line[80];
+        std::snprintf(line, sizeof line, "%s%s %.2f ms", told.empty() ? "" : ", ", preset, p99);
+        told += line;
+        if (p99 > a.budget_ms && !stop) continue;
+        if (!a.quiet && !a.json) std::printf("budget %.3g ms: p99 of a step: %s\n", a.budget_ms, told.c_str());
+        return preset;
+    }
+    throw InputError(a.scene + ": no preset keeps its steps within " + std::to_string(a.budget_ms) +
+                     " ms on this machine (p99: " + told + "); fewer elements, or fewer fingers, would");
+}
+
 int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
     if (a.statics) overrides.push_back("solver.static=true");
+    if (a.budget_ms > 0) overrides.push_back("solver.preset=" + preset_within(a, overrides, stop));
     Scene scene = load_scene(a.scene, overrides);
     if (!a.quiet && !a.json)
         for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
@@ -113,6 +139,9 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--duration", a->duration, "seconds to simulate (default: the scene's)")
         ->check(CLI::Range(1e-3, 1e5));
     c->add_flag("--static", a->statics, "static equilibrium in every step: no inertia, no damping");
+    c->add_option("--budget-ms", a->budget_ms,
+                  "take the most accurate preset whose steps (p99) end within this time on this machine")
+        ->check(CLI::Range(1e-3, 1e4));
     c->add_flag("--arm", a->arm, "drive real thimbles, in real time; without it nothing moves");
     c->add_flag("--no-watchdog", a->no_watchdog,
                 "drive controllers that would hold their force if palpate were killed");

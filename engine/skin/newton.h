@@ -234,7 +234,7 @@ inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& 
     const T largest = sizeof(T) == 8 ? T(1e5) : T(4e3);  // beyond, rounding of positions is felt as force
     // Far outside, where elements are inverted or objects deep in the skin, a violation that stays says nothing about
     // the multipliers.
-    const MaskOf<R> near = (e.violation < R(T(0.5))) & (e.penetration < R(T(1e-4)));
+    const MaskOf<R> near = (e.violation < R(T(3))) & (e.penetration < R(T(1e-2)));
     const MaskOf<R> slow = lanes & near & (excess > R(1)) & (R(4) * excess > last_excess) & (scale < R(largest));
     store<R>(c.state.penalty_scale.data(), select(slow, R(8) * scale, scale));
     last_excess = select(lanes, excess, last_excess);

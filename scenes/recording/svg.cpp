@@ -93,9 +93,9 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
             if (good) out << (pen_down && !c.points ? "L" : "M") << px(x) << " " << py(y) << (c.points ? "h0" : "");
             pen_down = good;
         }
-        out << "\"/>\n<path d=\"M" << width - right + 14 << " " << legend << "h22\" stroke-width=\"2\" stroke=\""
-            << colour << "\"/><text x=\"" << width - right + 42 << "\" y=\"" << legend + 4 << "\">" << escaped(c.name)
-            << "</text>\n";
+        out << "\"/>\n<path d=\"M" << width - right + (c.points ? 25 : 14) << " " << legend << (c.points ? "h0" : "h22")
+            << dots << "\" stroke=\"" << colour << "\"/><text x=\"" << width - right + 42 << "\" y=\"" << legend + 4
+            << "\">" << escaped(c.name) << "</text>\n";
         legend += 20;
     }
     for (const Marker& m : plot.markers) {
