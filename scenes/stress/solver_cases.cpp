@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "engine/skin/isotropic.h"
@@ -111,7 +112,7 @@ StressOutcome deformation_gradients(int effort, const std::atomic<bool>&) {
 /// S4
 StressOutcome material_grid(int effort, const std::atomic<bool>& stop) {
     int tried = 0, good = 0;
-    std::string worst;
+    std::map<double, int> by_poisson, by_modulus, by_step, by_density;  // failures
     const std::vector<double> poissons{0, 0.3, 0.45, 0.49, 0.499, 0.4999}, moduli{1, 1e3, 3e4, 1e6, 1e9},
         steps{1e-5, 1e-3, 1e-2, 1e-1}, densities{1, 1e3, 1e5};
     const SceneSpec base = press_spec(150, 0.0003);
@@ -141,14 +142,17 @@ StressOutcome material_grid(int effort, const std::atomic<bool>& stop) {
                         converged += s.converged;
                     }
                     ++tried;
-                    if (sound && converged == count)
-                        ++good;
-                    else
-                        worst =
-                            text("; for example Poisson %g, E %g Pa, dt %g ms, %g kg/m3: %s", poisson, young, 1e3 * dt,
-                                 density, sound ? text("%d of %d steps converged", converged, count).c_str() : "reset");
+                    good += sound && converged == count;
+                    if (sound && converged == count) continue;
+                    ++by_poisson[poisson], ++by_modulus[young], ++by_step[1e3 * dt], ++by_density[density];
                 }
-    return {good == tried, text("%d of %d presses converge in every step", good, tried) + worst};
+    std::string where;
+    for (const auto& [what, failures] : {std::pair{"Poisson", &by_poisson}, std::pair{"E in Pa", &by_modulus},
+                                         std::pair{"dt in ms", &by_step}, std::pair{"kg/m3", &by_density}}) {
+        where += text("; failures by %s:", what);
+        for (const auto& [value, number] : *failures) where += text(" %g: %d", value, number);
+    }
+    return {good == tried, text("%d of %d presses converge in every step", good, tried) + (good < tried ? where : "")};
 }
 
 namespace {
