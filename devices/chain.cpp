@@ -42,6 +42,30 @@ Joints chain_joints(const DeviceModel&, const Coordinates& q) {
     return {q, DeviceJacobian::Identity(q.size(), q.size()), true};
 }
 
+/// From the mount from joint to joint to the platform; a joint that slides is drawn as its way, one that turns as its
+/// axis.
+Skeleton chain_skeleton(const DeviceModel& model, const Coordinates& q) {
+    const Chain& chain = *model.kind->chain;
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    Skeleton lines{{Vector3d::Zero()}};
+    for (std::size_t k = 0; k < chain.joints.size(); ++k) {
+        const ChainJoint& j = chain.joints[k];
+        const Vector3d before = T * Vector3d::Zero();
+        if (j.slides) {
+            T.translate(j.lead * q[std::ptrdiff_t(k)] * j.axis);
+            lines.push_back({before, T * Vector3d::Zero()});
+            lines[0].push_back(T * Vector3d::Zero());
+        } else {
+            const Vector3d at = T * j.point, along = 0.006 * (T.linear() * j.axis);
+            lines.push_back({at - along, at + along});
+            lines[0].push_back(at);
+            T.translate(j.point).rotate(Eigen::AngleAxisd(q[std::ptrdiff_t(k)], j.axis)).translate(-j.point);
+        }
+    }
+    lines[0].push_back(T * Vector3d(0, 0, chain.height));
+    return lines;
+}
+
 }  // namespace
 
 std::vector<std::string> validate(const Chain& chain) {
@@ -87,6 +111,7 @@ DeviceKind make_chain_kind(const std::string& name, const Chain& chain) {
     }
     kind.platform = chain_platform;
     kind.joints = chain_joints;
+    kind.skeleton = chain_skeleton;
     return kind;
 }
 

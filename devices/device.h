@@ -48,6 +48,9 @@ struct Joints {
     bool closed = true;  ///< false where the legs cannot reach; q is then continued past its limits
 };
 
+/// What a device looks like: polylines of its links and frames, device frame [m].
+using Skeleton = std::vector<std::vector<Eigen::Vector3d>>;
+
 /// Descriptor of a kind. Parallel mechanisms are searched in w with closed-form inverse kinematics, open chains in
 /// their joints (w = q).
 struct DeviceKind {
@@ -64,6 +67,7 @@ struct DeviceKind {
     DeviceModel (*defaults)() = nullptr;
     Platform (*platform)(const DeviceModel&, const Coordinates& w) = nullptr;
     Joints (*joints)(const DeviceModel&, const Coordinates& w) = nullptr;
+    Skeleton (*skeleton)(const DeviceModel&, const Coordinates& w) = nullptr;  ///< the same polylines for every w
 };
 
 /// Mount of a device that sits above the nail, z towards the pad. How high is seen once the finger is known.

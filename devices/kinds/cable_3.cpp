@@ -44,6 +44,12 @@ Platform platform(const DeviceModel&, const Coordinates& w) {
     return p;
 }
 
+/// Where a cable leaves the fixed frame (radius of that) and reaches the platform (radius of this), level.
+Vector3d corner(double radius, int k) {
+    const double angle = 120 * degree * k;
+    return {radius * std::cos(angle), radius * std::sin(angle), 0};
+}
+
 /// Angle of each pulley: how much longer its cable is than when the platform is level at dz = `level`.
 Joints joints(const DeviceModel& m, const Coordinates& w) {
     const Tilt t = tilt(w);
@@ -53,16 +59,25 @@ Joints joints(const DeviceModel& m, const Coordinates& w) {
     out.q.resize(3);
     out.dq.resize(3, 3);
     for (int k = 0; k < 3; ++k) {
-        const double angle = 120 * degree * k;
-        const Vector3d direction(std::cos(angle), std::sin(angle), 0);
-        const Vector3d corner = g[mobile_radius] * direction;
-        const Vector3d d = Vector3d(0, 0, w[2]) + t.R * corner - g[fixed_radius] * direction;
+        const Vector3d end = corner(g[mobile_radius], k);
+        const Vector3d d = Vector3d(0, 0, w[2]) + t.R * end - corner(g[fixed_radius], k);
         const double length = d.norm();
         out.q[k] = (length - home) / g[pulley];
-        out.dq.row(k) << d.dot(t.dpitch * corner), d.dot(t.droll * corner), d.z();
+        out.dq.row(k) << d.dot(t.dpitch * end), d.dot(t.droll * end), d.z();
         out.dq.row(k) /= length * g[pulley];
     }
     return out;
+}
+
+Skeleton skeleton(const DeviceModel& m, const Coordinates& w) {
+    const Platform p = platform(m, w);
+    Skeleton lines(2);
+    for (int k = 0; k < 4; ++k) {
+        lines[0].push_back(corner(m.geometry[fixed_radius], k));
+        lines[1].push_back(p.centre + p.rotation * corner(m.geometry[mobile_radius], k));
+        if (k < 3) lines.push_back({lines[0].back(), lines[1].back()});
+    }
+    return lines;
 }
 
 DeviceModel defaults() {
@@ -93,6 +108,7 @@ const DeviceKind& cable_3() {
         k.defaults = defaults;
         k.platform = platform;
         k.joints = joints;
+        k.skeleton = skeleton;
         return k;
     }();
     return kind;

@@ -78,6 +78,22 @@ Joints joints(const DeviceModel& model, const Coordinates& w) {
     return out;
 }
 
+/// Cranks stand in the plane of their seat's direction and their chord, by which Eq. 11 measures them.
+Skeleton skeleton(const DeviceModel& m, const Coordinates& w) {
+    const Platform p = platform(m, w);
+    const Joints j = joints(m, w);
+    Skeleton lines(2);
+    for (int leg = 0; leg < 3; ++leg) {
+        const Vector3d A = fixed_seat(m, leg), B = p.centre + p.rotation * mobile_seat(m, leg), a = A.normalized(),
+                       d = B - A;
+        const Vector3d up = (d - a.dot(d) * a).normalized();
+        lines.push_back({A, A + m.geometry[crank] * (std::cos(j.q[leg]) * a + std::sin(j.q[leg]) * up), B});
+        lines[0].push_back(A), lines[1].push_back(B);
+    }
+    lines[0].push_back(lines[0][0]), lines[1].push_back(lines[1][0]);
+    return lines;
+}
+
 constexpr double degree = std::numbers::pi / 180;
 
 DeviceModel defaults() {
@@ -109,6 +125,7 @@ const DeviceKind& chinello_3rrs() {
         k.defaults = defaults;
         k.platform = platform;
         k.joints = joints;
+        k.skeleton = skeleton;
         return k;
     }();
     return kind;

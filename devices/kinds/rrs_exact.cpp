@@ -138,6 +138,23 @@ Joints joints(const DeviceModel& m, const Coordinates& w) {
     return out;
 }
 
+Skeleton skeleton(const DeviceModel& m, const Coordinates& w) {
+    const auto legs = legs_of(m);
+    const Platform p = platform(m, w);
+    const Joints j = joints(m, w);
+    Skeleton lines(2);
+    for (int k = 0; k < 3; ++k) {
+        const Leg& leg = legs[std::size_t(k)];
+        const Vector3d B = p.centre + p.rotation * leg.B;
+        const Vector3d knee =
+            leg.A + m.geometry[crank] * (std::cos(j.q[k]) * leg.u + std::sin(j.q[k]) * Vector3d::UnitZ());
+        lines.push_back({leg.A, knee, B});
+        lines[0].push_back(leg.A), lines[1].push_back(B);
+    }
+    lines[0].push_back(lines[0][0]), lines[1].push_back(lines[1][0]);
+    return lines;
+}
+
 DeviceModel defaults() {
     DeviceModel m = find_kind("chinello-3rrs")->defaults();
     m.kind = find_kind("rrs-exact");
@@ -153,6 +170,7 @@ const DeviceKind& rrs_exact() {
         k.defaults = defaults;
         k.platform = platform;
         k.joints = joints;
+        k.skeleton = skeleton;
         return k;
     }();
     return kind;

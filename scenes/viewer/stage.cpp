@@ -104,6 +104,11 @@ void append_thimble(std::vector<std::uint8_t>& out, const Matching& m) {
     for (int k = 0; k < m.model.kind->joint_count; ++k) put(out, float(m.result.q[k]));
     put(out, float(m.result.rms_m));
     put(out, std::uint32_t(m.result.status != MatchingStatus::no_contact));
+    for (const auto& line : m.model.kind->skeleton(m.model, m.result.w))
+        for (const Eigen::Vector3d& x : line) {
+            const Eigen::Vector3d here = m.model.mount * x;
+            for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, here[d], 1e-5);
+        }
 }
 
 nlohmann::json finger_json(const Skin& skin) {
@@ -126,11 +131,10 @@ nlohmann::json thimble_json(const Simulation& s, const Matching& m) {
     nlohmann::json low = nlohmann::json::array(), high = nlohmann::json::array();
     for (int k = 0; k < m.model.kind->joint_count; ++k)
         low.push_back(m.model.joint_min[k]), high.push_back(m.model.joint_max[k]);
-    return {{"finger", row},
-            {"kind", m.model.kind->name},
-            {"radius", m.model.disk_radius},
-            {"joint_min", low},
-            {"joint_max", high}};
+    nlohmann::json links = nlohmann::json::array();
+    for (const auto& line : m.model.kind->skeleton(m.model, m.model.rest)) links.push_back(line.size());
+    return {{"finger", row},    {"links", links},   {"kind", m.model.kind->name}, {"radius", m.model.disk_radius},
+            {"joint_min", low}, {"joint_max", high}};
 }
 
 }  // namespace

@@ -41,6 +41,7 @@ function readFrame(view, at) {
     for (let k = 0; k < thimble.joint_min.length; ++k) t.q.push(f32());
     t.rms = f32();
     p += 4; t.contact = view.getUint32(p - 4, true) !== 0;
+    t.links = thimble.links.map(count => Float32Array.from({ length: 3 * count }, () => 1e-2 * i16()));
     frame.thimbles.push(t);
   }
   frame.end = p;
@@ -135,8 +136,16 @@ const platforms = stage.thimbles.map(thimble => {
     new THREE.Vector3(r * Math.cos(k * Math.PI / 32), r * Math.sin(k * Math.PI / 32), 0)));
   disk.add(new THREE.Line(rim, new THREE.LineBasicMaterial({ color: '#1b7a33' })));
   holder.add(disk);
+  const links = thimble.links.map(count => {
+    const shape = new THREE.BufferGeometry();
+    shape.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+    const line = new THREE.Line(shape, new THREE.LineBasicMaterial({ color: '#3d6b4a' }));
+    line.frustumCulled = false;
+    holder.add(line);
+    return shape.attributes.position;
+  });
   scene.add(holder);
-  return { holder, disk };
+  return { holder, disk, links };
 });
 
 // ---- showing a frame ---------------------------------------------------------------------------------------------
@@ -202,6 +211,10 @@ function show(index) {
   frame.thimbles.forEach((t, k) => {
     place(platforms[k].holder, frame.fingers[stage.thimbles[k].finger].bone);
     place(platforms[k].disk, t.pose);
+    t.links.forEach((points, j) => {
+      platforms[k].links[j].array.set(points);
+      platforms[k].links[j].needsUpdate = true;
+    });
     platforms[k].holder.visible = by('platforms').checked;
   });
   by('when').max = frames.length - 1;
@@ -220,11 +233,11 @@ function showNumbers(frame) {
       .join('');
   by('thimbles').innerHTML = frame.thimbles.map((t, k) => {
     const { joint_min: low, joint_max: high, finger } = stage.thimbles[k];
-    return `<span>${stage.fingers[finger].name}</span>` + t.q.map((q, j) => {
+    return `<div><span>${stage.fingers[finger].name}</span>` + t.q.map((q, j) => {
       const share = (q - low[j]) / (high[j] - low[j]);
       return `<div class="bar" title="${(q * 180 / Math.PI).toFixed(1)} degrees"><i class="${
         share < 0.005 || share > 0.995 ? 'at-limit' : ''}" style="left:calc(${100 * Math.min(1, Math.max(0, share))}% - 1px)"></i></div>`;
-    }).join('');
+    }).join('') + '</div>';
   }).join('');
 }
 

@@ -101,6 +101,33 @@ TEST_P(EveryKind, NormalIsThePlatformsAxis) {
     EXPECT_LT((kind().platform(m, m.rest).normal + Eigen::Vector3d::UnitZ()).norm(), 1e-9);
 }
 
+TEST_P(EveryKind, TheSkeletonHasTheSameLinesForEveryPoseAndReachesThePlatform) {
+    std::mt19937 random(4);
+    const DeviceModel m = kind().defaults();
+    const Skeleton rest = kind().skeleton(m, m.rest);
+    for (int trial = 0; trial < 50; ++trial) {
+        const Coordinates w = random_inside(random, m);
+        const Skeleton lines = kind().skeleton(m, w);
+        const Platform p = kind().platform(m, w);
+        ASSERT_EQ(lines.size(), rest.size());
+        double nearest = 1;
+        for (std::size_t k = 0; k < lines.size(); ++k) {
+            ASSERT_EQ(lines[k].size(), rest[k].size());
+            for (const auto& x : lines[k]) {
+                ASSERT_TRUE(x.allFinite());
+                nearest = std::min(nearest, std::abs((x - p.centre).dot(p.normal)));
+            }
+        }
+        EXPECT_LT(nearest, 1e-9);
+        // Cranks and links keep their lengths.
+        if (kind().geometry_names.size() == 6)
+            for (std::size_t k = 2; k < lines.size(); ++k) {
+                EXPECT_NEAR((lines[k][1] - lines[k][0]).norm(), m.geometry[4], 1e-9);
+                EXPECT_NEAR((lines[k][2] - lines[k][1]).norm(), m.geometry[5], 1e-9);
+            }
+    }
+}
+
 TEST(LegsThatCannotClose, AreRefusedWithTheirNumbers) {
     for (const char* name : {"chinello-3rrs", "rrs-exact"}) {
         DeviceModel m = find_kind(name)->defaults();

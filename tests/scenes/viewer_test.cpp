@@ -39,7 +39,8 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     const auto& finger = stage["fingers"][0];
     const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();
     const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
-    EXPECT_EQ(frame.size(), 8 + 36 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8);
+    EXPECT_EQ(frame.size(), 8 + 36 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
+                                6 * (4 + 4 + 3 * 3));  // two frames, three legs
     EXPECT_NEAR(float_at(frame, 0), s.world.time, 1e-6);
     EXPECT_EQ(float_at(frame, 4), 123);
     const Pose<double> bone = bone_pose(s.world, s.fingers[0]);
