@@ -25,7 +25,7 @@ Board::Board(std::unique_ptr<BoardLink> link) : link_(std::move(link)) {
     std::array<WireValue, max_channels> positions{};
     const std::string problem = link_->open(positions);
     if (!problem.empty()) throw std::runtime_error(problem);
-    for (int c = 0; c < max_channels; ++c) position_[std::size_t(c)] = positions[std::size_t(c)];
+    take_positions(positions);
     wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (wake_fd_ < 0) throw std::runtime_error("no event descriptor for the servo controller's thread");
     opened_ = 1;
@@ -39,6 +39,14 @@ Board::~Board() {
     thread_.join();
     link_->close();
     ::close(wake_fd_);
+}
+
+/// A controller as it was found.
+void Board::take_positions(std::span<const WireValue> positions) {
+    for (std::size_t c = 0; c < max_channels; ++c) {
+        position_[c].store(positions[c], std::memory_order_release);
+        told_[c] = {positions[c], positions[c], seconds()};
+    }
 }
 
 void Board::limit(int channel, const WireLimits& limits) {
@@ -96,7 +104,7 @@ bool Board::open_again() {
         problem_ = problem;
         return false;
     }
-    for (int c = 0; c < max_channels; ++c) position_[std::size_t(c)] = positions[std::size_t(c)];
+    take_positions(positions);
     failures_in_a_row_ = 0;
     ++opened_;
     back_ = true;
@@ -119,18 +127,22 @@ bool Board::write_changed() {
             const std::lock_guard lock(limits_mutex_);
             limits = limits_[c];
         }
-        const WireValue last = sent == no_pulse ? position_[c].load(std::memory_order_acquire) : sent;
-        const WireValue value = limit_wire(wanted, last, limits, now - sent_at_[c]);
+        const WireValue value = limit_wire(wanted, told_[c], limits, now - told_[c].at);
         held_back |= value != wanted && value != no_pulse;
         if (value != no_pulse && value != sent) targets[count++] = {channel, value};
     }
     if (count == 0) return held_back;
     const LinkProblem problem = link_->write(std::span(targets).first(count), std::span(arrived).first(count));
     for (std::size_t i = 0; i < count; ++i) {
-        if (!arrived[i]) continue;
         const auto c = std::size_t(targets[i].channel);
-        sent_[c] = targets[i].value;
-        sent_at_[c] = now;
+        const WireValue value = targets[i].value;
+        Told& told = told_[c];
+        if (arrived[i] || told.low == no_pulse)
+            told = {value, value, now};
+        else  // it may have arrived, all the same
+            told = {std::min(told.low, value), std::max(told.high, value), now};
+        sent_[c] = arrived[i] ? value : no_pulse;
+        if (!arrived[i]) continue;
         if (!link_->measures) position_[c].store(targets[i].value, std::memory_order_release);
         ++values_;
     }

@@ -84,6 +84,7 @@ class Board {
   private:
     void serve();
     bool open_again();
+    void take_positions(std::span<const WireValue> positions);
     bool write_changed();
     void fail(const LinkProblem& problem);
     void feed();
@@ -92,7 +93,7 @@ class Board {
     std::array<std::atomic<WireValue>, max_channels> wanted_{}, position_{};
     std::array<std::atomic<WireValue>, max_channels> sent_{};
     std::array<WireLimits, max_channels> limits_{};  ///< guarded by limits_mutex_
-    std::array<double, max_channels> sent_at_{};     ///< [s]
+    std::array<Told, max_channels> told_{};
     mutable std::mutex limits_mutex_;
     std::atomic<BoardState> state_{BoardState::opening};
     std::atomic<bool> back_{false};  ///< open again after a loss, and waiting for rearm

@@ -36,13 +36,15 @@ WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, dou
             std::abs(servo.units_per_rad) * steps_per_unit * speed_rad_per_s};
 }
 
-WireValue limit_wire(WireValue wanted, WireValue last, const WireLimits& limits, double elapsed) {
+WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed) {
     if (limits.max == 0 || limits.min > limits.max || wanted == no_pulse) return no_pulse;
     double value = std::clamp(double(wanted), double(limits.min), double(limits.max));
-    if (last >= limits.min && last <= limits.max) {
+    if (told.low >= limits.min && told.high <= limits.max && told.low <= told.high) {
         const double time = std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, 0.1) : 0;
         const double step = std::isfinite(limits.speed) ? std::floor(std::max(0.0, limits.speed) * time) : 0;
-        value = std::clamp(value, last - step, last + step);
+        // Within a step of wherever it may be; where no value is, as near to both ends as can be.
+        const double low = told.high - step, high = told.low + step, middle = std::floor(0.5 * (low + high));
+        value = low <= high ? std::clamp(value, low, high) : middle;
     }
     return WireValue(value);
 }

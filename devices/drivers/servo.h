@@ -31,9 +31,17 @@ struct WireLimits {
 };
 WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, double speed_rad_per_s);
 
-/// The last function before the wire: towards `wanted` from what was sent `elapsed` seconds ago. Inside the range and
-/// the speed limit whatever comes in; a pause of more than 0.1 s earns no larger step. Where nothing is known of
-/// `last`, or it is out of range, the first value is sent as it is. no_pulse: nothing is to be sent.
-WireValue limit_wire(WireValue wanted, WireValue last, const WireLimits& limits, double elapsed);
+/// What a servo was told last: one value, or, where a transfer's fate is unknown, anything between two. Nothing is
+/// known of it where low is no_pulse.
+struct Told {
+    WireValue low = no_pulse, high = no_pulse;
+    double at = 0;  ///< when [s]
+};
+
+/// The last function before the wire: towards `wanted` from what the servo was told `elapsed` seconds ago, whatever of
+/// it arrived. Inside the range and the speed limit whatever comes in; a pause of more than 0.1 s earns no larger step.
+/// Where nothing is known, or what is known is out of range, the first value is sent as it is. no_pulse: nothing is to
+/// be sent.
+WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed);
 
 }  // namespace palpate

@@ -8,13 +8,8 @@ namespace palpate {
 namespace {
 
 /// Sphere around the samples of one lane, with the way it may go in this step added.
-struct Reach {
-    Vec3<double> centre;
-    double radius;  ///< [m]
-};
-
 template <class T>
-Reach lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver) {
+Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver) {
     const int W = c.width;
     const SkinTopology& t = *c.topology;
     Vec3<double> low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
@@ -67,9 +62,11 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& b
         unsigned lanes;
     };
     std::array<Candidate, max_contact_slots> near;
-    std::array<Reach, 16> reach;
-    for (int lane = 0; lane < c.width; ++lane)
-        if ((c.used_lanes >> lane) & 1u) reach[lane] = lane_reach(c, lane, solver);
+    // A finger that sleeps, and is to stay where it is, reaches as far as before.
+    if (!c.unchanged || !same_targets(c))
+        for (int lane = 0; lane < c.width; ++lane)
+            if ((c.used_lanes >> lane) & 1u) c.reach[lane] = lane_reach(c, lane, solver);
+    const auto& reach = c.reach;
     int count = 0;
     bool crowded = false;
     for (int object = 0; object < int(shapes.size()); ++object) {

@@ -112,10 +112,13 @@ void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<doubl
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
+        auto extract_awake = [&](const auto& chunk) {
+            if (!chunk.unchanged) extract(chunk, skin.lane, coupling, surfaces[row]);
+        };
         if (skin.single_precision)
-            extract(float_chunks[skin.chunk], skin.lane, coupling, surfaces[row]);
+            extract_awake(float_chunks[skin.chunk]);
         else
-            extract(double_chunks[skin.chunk], skin.lane, coupling, surfaces[row]);
+            extract_awake(double_chunks[skin.chunk]);
     }
 }
 

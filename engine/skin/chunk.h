@@ -2,6 +2,7 @@
 // A chunk: the fingers of one archetype, one per SIMD lane. Arrays are [index][component][lane] of the
 // scalar type T. Constant rest data, mutable state and scratch are separate types.
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <memory>
@@ -96,6 +97,11 @@ struct SkinScratch {
 /// Elasticity of a chunk (isotropic.h).
 enum class Material { corotational, saint_venant_kirchhoff, neo_hookean };
 
+struct Sphere {
+    Vec3<double> centre{0, 0, 0};
+    double radius = 0;  ///< [m]
+};
+
 /// An object as one chunk sees it in one step.
 struct ContactSlot {
     int object = -1;  ///< row of the object; -1 = empty
@@ -177,6 +183,8 @@ struct SkinChunk {
     bool has_limits = false;
     bool has_friction = false;
     bool asleep = false;                   ///< skipped by the last step: nothing near it, and nothing moves
+    bool unchanged = false;                ///< asleep, and as it was when its contact was read last
+    std::array<Sphere, 16> reach{};        ///< [lane] around its samples; kept while it sleeps
     std::array<T, 9 * 16> still_spring{};  ///< coupling spring of all lanes when it fell asleep
     std::vector<int> finger;               ///< [lane] row of the finger; -1 where empty
     std::vector<SkinStatus> status;        ///< [lane]
@@ -218,6 +226,13 @@ void set_contact_areas(SkinChunk<T>& chunk, int lane, const TetMesh& mesh);
 /// Writes where the slots' objects are, as each lane sees them: after a pose or an origin has changed.
 template <class T>
 void place_slots(SkinChunk<T>& chunk);
+
+/// Whether the couplings' targets are those at which the chunk fell asleep, to the last bit.
+template <class T>
+bool same_targets(const SkinChunk<T>& c) {
+    return std::equal(c.scratch.bone_springs.begin(), c.scratch.bone_springs.begin() + 9 * c.width,
+                      c.still_spring.begin());
+}
 
 /// Moves a lane's origin to its bone where the bone has left it behind.
 template <class T>

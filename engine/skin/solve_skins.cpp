@@ -21,13 +21,6 @@ bool near_a_body(const SkinChunk<T>& c) {
                        [](const ContactSlot& s) { return s.object >= 0 && s.body >= 0; });
 }
 
-/// Whether the couplings' targets are those at which the chunk fell asleep, to the last bit.
-template <class T>
-bool same_targets(const SkinChunk<T>& c) {
-    return std::equal(c.scratch.bone_springs.begin(), c.scratch.bone_springs.begin() + 9 * c.width,
-                      c.still_spring.begin());
-}
-
 /// After a solve: whether every finger of the chunk has come to rest far from everything.
 template <class T>
 bool has_come_to_rest(const SkinChunk<T>& c, const SolverSettings& solver) {
@@ -43,9 +36,11 @@ bool has_come_to_rest(const SkinChunk<T>& c, const SolverSettings& solver) {
 
 template <class T>
 void solve_or_sleep(SkinChunk<T>& c, const SolverSettings& solver) {
+    c.unchanged = false;
     if (near_a_body(c)) return;
     if (c.asleep && same_targets(c) && !near_an_object(c)) {
         for (SkinStatus& s : c.status) s.newton_iterations = s.multiplier_updates = s.backtracks = 0;
+        c.unchanged = true;
         return;
     }
     solve_skin(c, solver);

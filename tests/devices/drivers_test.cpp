@@ -22,27 +22,34 @@ TEST(WireValue, AnySequenceStaysInRangeAndInsideTheSpeedLimit) {
                                           ServoCalibration{2048, 651.9, 1024, 3072}}) {
         const double steps = servo.zero > 2000 ? 1 : 4;
         const WireLimits limits = wire_limits(servo, steps, 6);
-        WireValue last = no_pulse;
+        Told told;
         for (int i = 0; i < 10000000; ++i) {
             const double angle = i % 7 == 0 ? special[random() % 6] : (i % 3 ? 1.5 : 40.0) * u(random);
             const double elapsed = i % 11 == 0 ? special[random() % 6] : 0.12 * u(random);
-            const WireValue before = last, wanted = i % 13 ? wire_value(servo, steps, angle) : WireValue(random());
-            const WireValue value = limit_wire(wanted, before, limits, elapsed);
+            const WireValue wanted = i % 13 ? wire_value(servo, steps, angle) : WireValue(random());
+            const WireValue value = limit_wire(wanted, told, limits, elapsed);
             if (value == no_pulse) {
                 ASSERT_EQ(wanted, no_pulse);
                 continue;
             }
-            last = value;
-            ASSERT_GE(last, servo.min * steps);
-            ASSERT_LE(last, servo.max * steps);
-            if (before != no_pulse) {
-                const double time = std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, 0.1) : 0;
-                ASSERT_LE(std::abs(int(last) - int(before)), std::abs(servo.units_per_rad) * steps * 6 * time);
+            ASSERT_GE(value, servo.min * steps);
+            ASSERT_LE(value, servo.max * steps);
+            const double time = std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, 0.1) : 0;
+            const double step = std::abs(servo.units_per_rad) * steps * 6 * time;
+            // From wherever it may be: no farther than a step, or than half of what is not known.
+            if (told.low != no_pulse) {
+                const double most = std::max(step, 0.5 * (told.high - told.low) + 1);
+                ASSERT_LE(std::abs(int(value) - int(told.low)), most);
+                ASSERT_LE(std::abs(int(value) - int(told.high)), most);
             }
-            if (i % 1000 == 0) last = no_pulse;
+            if (told.low == no_pulse || random() % 10)
+                told = {value, value, 0};
+            else  // lost, or not
+                told = {std::min(told.low, value), std::max(told.high, value), 0};
+            if (i % 1000 == 0) told = {};
         }
     }
-    EXPECT_EQ(limit_wire(6000, 6000, {}, 0.02), no_pulse);  // a channel without limits is not driven
+    EXPECT_EQ(limit_wire(6000, {6000, 6000, 0}, {}, 0.02), no_pulse);  // a channel without limits is not driven
 }
 
 TEST(WireValue, AnglesComeBack) {
