@@ -133,14 +133,15 @@ bool Board::write_changed() {
     }
     if (count == 0) return held_back;
     const LinkProblem problem = link_->write(std::span(targets).first(count), std::span(arrived).first(count));
+    const double end = seconds();  // they arrived by now, if at all: the next step's time runs from here
     for (std::size_t i = 0; i < count; ++i) {
         const auto c = std::size_t(targets[i].channel);
         const WireValue value = targets[i].value;
         Told& told = told_[c];
         if (arrived[i] || told.low == no_pulse)
-            told = {value, value, now};
+            told = {value, value, end};
         else  // it may have arrived, all the same
-            told = {std::min(told.low, value), std::max(told.high, value), now};
+            told = {std::min(told.low, value), std::max(told.high, value), end};
         sent_[c] = arrived[i] ? value : no_pulse;
         if (!arrived[i]) continue;
         if (!link_->measures) position_[c].store(targets[i].value, std::memory_order_release);
@@ -148,7 +149,7 @@ bool Board::write_changed() {
     }
     if (problem) return fail(problem), held_back;
     ++writes_;
-    latency_.add(seconds() - now);
+    latency_.add(end - now);
     failures_in_a_row_ = 0;
     return held_back;
 }
