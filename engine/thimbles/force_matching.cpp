@@ -195,6 +195,10 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
                                                               : std::min(1.0, 8 * m.damping);
         next = m.centre + gauss_newton(m, model, settings, m.damping);
     }
+    if (!std::isfinite(best_cost)) {
+        m.warm = false;
+        return geometric;
+    }
     best.q = model.kind->joints(model, best.w).q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
     best.constraint_active = joint_margins(model, best.q).minCoeff() < 1e-5;
     best.force_residual_N = std::sqrt(best_cost);
