@@ -1,5 +1,9 @@
 #include "tests/support.h"
 
+#include <sys/wait.h>
+
+#include <cstdio>
+
 #include <unistd.h>
 
 #include <Eigen/Dense>
@@ -42,8 +46,8 @@ TetMesh block_mesh(int nx, int ny, int nz, double h) {
 template <class T>
 SkinChunk<T> make_chunk(const TetMesh& mesh, const Pose<double>& bone, const ChunkOptions& o) {
     SkinChunk<T> chunk;
-    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh, o.width > 1, o.sample_refinement)), o.width, o.limits,
-                   o.friction, o.objects);
+    allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh, o.width > 1, o.sample_refinement)),
+                   o.width, o.limits, o.friction, o.objects);
     SkinParameters p;
     p.mesh = &mesh;
     p.young_modulus = {o.young};
@@ -71,8 +75,7 @@ void aim_all(SkinChunk<T>& c, double linear, double angular, const Pose<double>&
                          target.rotation.z};
     for (int s = 0; s < bone_spring_count; ++s)
         for (int i = 0; i < 9; ++i)
-            for (int l = 0; l < c.width; ++l)
-                {
+            for (int l = 0; l < c.width; ++l) {
                 const double origin = i >= 2 && i < 5 ? c.state.origin[(i - 2) * c.width + l] : 0;
                 c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i] - origin);
             }
@@ -109,5 +112,17 @@ ScratchFolder::~ScratchFolder() {
     std::error_code ignored;
     std::filesystem::remove_all(path, ignored);
 }
+
+Outcome shell(const std::string& command) {
+    Outcome o;
+    FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+    char text[4096];
+    for (std::size_t n; (n = std::fread(text, 1, sizeof text, pipe)) > 0;) o.out.append(text, n);
+    const int status = pclose(pipe);
+    o.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    return o;
+}
+
+Outcome palpate_program(const std::string& arguments) { return shell(std::string(PALPATE_PROGRAM) + " " + arguments); }
 
 }  // namespace palpate::testing

@@ -43,6 +43,15 @@ double central_difference(const std::function<double(const std::vector<double>&)
 /// Folder of real inputs, beside the checkout; empty where it is absent.
 std::filesystem::path shared_data();
 
+/// What a command said (standard output and errors) and how it ended.
+struct Outcome {
+    int code = 0;
+    std::string out;
+};
+Outcome shell(const std::string& command);
+/// The program with these arguments.
+Outcome palpate_program(const std::string& arguments);
+
 /// A scratch folder that is removed at the end of the test.
 class ScratchFolder {
   public:

@@ -1,8 +1,5 @@
 // The unmodified program and emulated Maestro boards on USB.
 
-#include <sys/wait.h>
-
-#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -13,20 +10,8 @@
 namespace palpate {
 namespace {
 
-struct Outcome {
-    int code = 0;
-    std::string out;  ///< stdout and stderr
-};
-
-Outcome shell(const std::string& command) {
-    Outcome o;
-    FILE* pipe = popen((command + " 2>&1").c_str(), "r");
-    char text[4096];
-    for (std::size_t n; (n = std::fread(text, 1, sizeof text, pipe)) > 0;) o.out.append(text, n);
-    const int status = pclose(pipe);
-    o.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    return o;
-}
+using testing::Outcome;
+using testing::shell;
 
 #define EXPECT_SAYS(outcome, part) EXPECT_NE((outcome).out.find(part), std::string::npos) << "found: " << (outcome).out
 

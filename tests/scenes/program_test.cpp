@@ -1,8 +1,5 @@
 // The program as its users run it: exit codes, outputs, and the scenes of the repository.
 
-#include <sys/wait.h>
-
-#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -14,22 +11,9 @@
 namespace palpate {
 namespace {
 
+using testing::Outcome;
+using testing::palpate_program;
 using testing::ScratchFolder;
-
-struct Outcome {
-    int code;
-    std::string out;  ///< standard output and errors
-};
-
-Outcome palpate_program(const std::string& arguments) {
-    FILE* pipe = popen((std::string(PALPATE_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
-    Outcome o;
-    char buffer[4096];
-    for (std::size_t n; (n = fread(buffer, 1, sizeof buffer, pipe)) > 0;) o.out.append(buffer, n);
-    const int status = pclose(pipe);
-    o.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return o;
-}
 
 const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
 
