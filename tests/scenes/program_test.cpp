@@ -197,7 +197,7 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
     for (const auto& loop : s.loops) EXPECT_EQ(loop->status.stale, 0);
 }
 INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene,
-                         ::testing::Values("press", "edge", "ball", "roll", "hand", "recorded_hand"),
+                         ::testing::Values("press", "edge", "ball", "soft_ball", "roll", "hand", "recorded_hand"),
                          [](const auto& i) { return i.param; });
 
 /// Contact forces of all fingers, samples and steps.
