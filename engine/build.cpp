@@ -38,6 +38,14 @@ std::vector<std::string> SceneSpec::validate() const {
             need(f.limit_high > 1 && f.limit_high < 100,
                  who + "the upper strain limit must be above 1 and below 100: the rest shape has stretch 1");
         }
+        auto all_within = [&](const std::vector<double>& values, double low, double high) {
+            return values.empty() ||
+                   (values.size() == f.mesh.tets.size() &&
+                    std::all_of(values.begin(), values.end(), [&](double v) { return v >= low && v <= high; }));
+        };
+        need(all_within(f.element_young, 1, 1e9) && all_within(f.element_low, 0.01, 0.9999) &&
+                 all_within(f.element_high, 1.0001, 100),
+             who + "values per element must be one per element, inside the bounds of those for all");
         const Coupling& c = f.coupling;
         need(c.stiffness > 0 && c.stiffness <= 1e8 && c.angular_stiffness > 0 && c.angular_stiffness <= 1e6,
              who + "the coupling's stiffnesses must be positive, at most 1e8 N/m and 1e6 N m/rad");
@@ -94,12 +102,12 @@ std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {
 SkinParameters parameters_of(const FingerSpec& f) {
     SkinParameters p;
     p.mesh = &f.mesh;
-    p.young_modulus = {f.young_modulus};
+    p.young_modulus = f.element_young.empty() ? std::vector{f.young_modulus} : f.element_young;
     p.poisson_ratio = f.poisson_ratio;
     p.density = f.density;
     p.has_limits = f.has_limits;
-    p.limit_low = {f.limit_low};
-    p.limit_high = {f.limit_high};
+    p.limit_low = f.element_low.empty() ? std::vector{f.limit_low} : f.element_low;
+    p.limit_high = f.element_high.empty() ? std::vector{f.limit_high} : f.element_high;
     return p;
 }
 

@@ -18,6 +18,8 @@ struct FingerSpec {
     double density = 1050;  ///< [kg/m^3]
     bool has_limits = false;
     double limit_low = 0.6, limit_high = 1.4;
+    /// Of elements that differ, [element]; empty where all are alike.
+    std::vector<double> element_young, element_low, element_high;
     bool single_precision = false;
     Coupling coupling;                      ///< its tracker is set by build_world
     std::optional<PoseFilter> filter = {};  ///< of its tracked pose

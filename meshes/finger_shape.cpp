@@ -29,6 +29,8 @@ FingerShape finger_shape(const std::string& finger) {
     throw InputError("unknown finger '" + finger + "'; expected thumb, index, middle, ring or little");
 }
 
+std::vector<std::string> finger_shape_names() { return {"thumb", "index", "middle", "ring", "little"}; }
+
 namespace {
 
 /// Share of the full section left at s in [0, 1] where the end closes over the last `closing` of the length.
@@ -42,25 +44,38 @@ double smoothstep(double t) {
     return t * t * (3 - 2 * t);
 }
 
+/// Height of the tip, and of the widest place of the section at s.
+double tip_height(const FingerShape& f) { return 0.30 * 0.46 * f.thickness * (1 - f.nail_drop); }
+double side_height(const FingerShape& f, double s) { return tip_height(f) * (1 - closing_profile(s, 0.45)); }
+
+/// By how much the pad side of the section at s swells.
+double swelling(double bulge, double s) { return 1 + bulge * std::exp(-std::pow((s - 0.6) / 0.28, 2)); }
+
 /// Point of the section at s, at angle phi (0 = radial side, pi/2 = dorsal).
 Point section_point(const FingerShape& f, double s, double phi) {
     const double half_dorsal = 0.46 * f.thickness, half_palmar = 0.54 * f.thickness;
-    const double tip = 0.30 * half_dorsal * (1 - f.nail_drop);
-    const double side = tip * (1 - closing_profile(s, 0.45));
+    const double tip = tip_height(f), side = side_height(f, s);
     const double drop = 1 - f.nail_drop * smoothstep((s - 0.35) / 0.65);
     const double top = tip + (half_dorsal * drop - tip) * closing_profile(s, 0.20);
-    const double bulge = 1 + f.pad_bulge * std::exp(-std::pow((s - 0.6) / 0.28, 2));
     const double bottom = tip + (-half_palmar - tip) * closing_profile(s, 0.62);
     const double c = std::cos(phi), n = std::sin(phi);
     // Superellipse: fuller over the nail (2.5) than at the pad (2.15).
     const double exponent = n > 0 ? 2.5 : 2.15;
     const double reach = std::pow(std::pow(std::abs(c), exponent) + std::pow(std::abs(n), exponent), -1 / exponent);
     const double half_width = 0.5 * f.width * closing_profile(s, 0.45);
-    const double height = n > 0 ? top - side : (side - bottom) * bulge;
+    const double height = n > 0 ? top - side : (side - bottom) * swelling(f.pad_bulge, s);
     return {(s - 0.5) * f.length, half_width * reach * c, side + height * reach * n};
 }
 
 }  // namespace
+
+void change_pad_bulge(std::vector<Point>& nodes, const FingerShape& f, double bulge) {
+    if (bulge == f.pad_bulge) return;
+    for (Point& p : nodes) {
+        const double s = p[0] / f.length + 0.5, side = side_height(f, std::min(1.0, std::max(0.0, s)));
+        if (p[2] < side) p[2] = side + (p[2] - side) * swelling(bulge, s) / swelling(f.pad_bulge, s);
+    }
+}
 
 Surface finger_surface(const FingerShape& shape) {
     if (const auto wrong = shape.validate(); !wrong.empty()) throw InputError(wrong);

@@ -17,6 +17,10 @@ struct FingerShape {
 
 /// Finger of a median hand: "thumb", "index", "middle", "ring" or "little". Throws InputError otherwise.
 FingerShape finger_shape(const std::string& finger);
+std::vector<std::string> finger_shape_names();
+
+/// Moves nodes inside a finger of this shape as its pad swells or flattens from the shape's own bulge to another.
+void change_pad_bulge(std::vector<Point>& nodes, const FingerShape& shape, double bulge);
 
 /// Dense closed surface in the finger frame (origin at the centre of the segment).
 Surface finger_surface(const FingerShape& shape);

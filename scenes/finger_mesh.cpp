@@ -28,11 +28,9 @@ void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
 
 TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
     FingerShape shape = finger_shape("middle");
-    shape.pad_bulge = r.shape.pad_bulge;
     shape.nail_drop = r.shape.nail_drop;
     if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
-    const std::string key =
-        std::to_string(r.elements) + " " + std::to_string(shape.pad_bulge) + " " + std::to_string(shape.nail_drop);
+    const std::string key = std::to_string(r.elements) + " " + std::to_string(shape.nail_drop);
     auto it = templates.find(key);
     if (it == templates.end())
         it = templates.emplace(key, tetrahedralise(finger_surface(shape), {.elements = r.elements})).first;
@@ -67,6 +65,11 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         mesh = tetrahedralise(surface, {.elements = r.elements});
     }
     mark_bone(mesh, r);
+    if (r.source == FingerMeshRequest::Source::parametric) {
+        FingerShape swollen = r.shape;
+        swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
+        change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
+    }
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

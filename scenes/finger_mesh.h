@@ -22,7 +22,7 @@ struct FingerMeshRequest {
     std::vector<int> bone_nodes;   ///< bone nodes by list, if not empty
 };
 
-/// Templates of parametric fingers: fingers that differ in length, width and thickness only are one
+/// Templates of parametric fingers: fingers that differ in length, width, thickness and pad bulge only are one
 /// template, scaled, so that they share their connectivity (and with it chunks).
 using FingerTemplates = std::map<std::string, TetMesh>;
 

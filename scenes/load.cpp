@@ -5,7 +5,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/surface.h"
-#include "scenes/finger_mesh.h"
+#include "scenes/fingers/finger_model.h"
 #include "scenes/load_devices.h"
 #include "scenes/scene.h"
 #include "scenes/section.h"
@@ -66,27 +66,6 @@ void read_solver(Section s, Scene& scene) {
     s.finish();
 }
 
-/// Material and limits: of one finger, or of all where the scene's own tables give them.
-void read_material(Section s, FingerSpec& f) {
-    const std::vector<std::string> kinds{"corotational", "st-venant-kirchhoff", "neo-hookean"};  // as Material has them
-    const std::string kind = s.choice("kind", kinds[std::size_t(f.material)], kinds);
-    f.material = Material(std::find(kinds.begin(), kinds.end(), kind) - kinds.begin());
-    f.young_modulus = s.number("young_kPa", f.young_modulus / kPa, 1e-3, 1e6, kPa);
-    f.poisson_ratio = s.number("poisson", f.poisson_ratio, 0, 0.4999);
-    f.density = s.number("density_kg_per_m3", f.density, 1, 1e5);
-    s.finish();
-}
-
-void read_limits(Section s, FingerSpec& f) {
-    if (!s) return;
-    f.has_limits = s.boolean("enabled", true);
-    f.limit_low = s.number("low", f.limit_low, 0, 1);
-    f.limit_high = s.number("high", f.limit_high, 1, 100);
-    if (f.limit_low >= 1 || f.limit_high <= 1)
-        s.complain("low", "limits must leave room around the rest shape: low < 1 < high");
-    s.finish();
-}
-
 void read_coupling(Section s, Coupling& c) {
     c.stiffness = s.number("stiffness_N_per_mm", c.stiffness * mm, 1e-3, 1e5, 1 / mm);
     c.damping = s.number("damping_Ns_per_m", c.damping, 0, 1e6);
@@ -95,48 +74,6 @@ void read_coupling(Section s, Coupling& c) {
     c.max_force = s.number("max_force_N", c.max_force, 1e-3, 1e5);
     c.max_speed = s.number("max_speed_m_per_s", c.max_speed, 1e-3, 1e3);
     s.finish();
-}
-
-FingerMeshRequest read_mesh_request(Section& s, const std::filesystem::path& folder) {
-    FingerMeshRequest r;
-    Section shape = s.table("shape");
-    const std::string preset =
-        shape ? shape.choice("finger", "index", {"thumb", "index", "middle", "ring", "little"}) : "index";
-    r.shape = finger_shape(preset);
-    r.shape.length = shape.number("length_mm", r.shape.length / mm, 10, 60, mm);
-    r.shape.width = shape.number("width_mm", r.shape.width / mm, 6, 40, mm);
-    r.shape.thickness = shape.number("thickness_mm", r.shape.thickness / mm, 6, 35, mm);
-    r.shape.pad_bulge = shape.number("pad_bulge", r.shape.pad_bulge, 0, 0.5);
-    r.shape.nail_drop = shape.number("nail_drop", r.shape.nail_drop, 0, 0.5);
-    shape.finish();
-
-    Section file = s.table("mesh");
-    if (file) {
-        const std::string surface = file.text("surface", ""), tets = file.text("tets", "");
-        if (surface.empty() == tets.empty())
-            file.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
-        if (shape) file.complain("surface", "a finger has either a shape or a mesh, not both");
-        r.source = tets.empty() ? FingerMeshRequest::Source::surface : FingerMeshRequest::Source::tets;
-        r.file = (folder / (tets.empty() ? surface : tets)).lexically_normal().string();
-        if (file.has("unit")) r.unit = file.choice("unit", "mm", {"m", "cm", "mm"});
-        r.keep_frame = file.boolean("keep_frame", false);
-    }
-    file.finish();
-    r.elements = s.integer("elements", r.elements, 20, 200000);
-
-    Section bone = s.table("bone");
-    r.bone_nodes = bone.integers("nodes");
-    r.half_space = bone.has("normal");
-    const Vec3<double> n = bone.vector("normal", {0, 0, 1}, 1e3);
-    r.half_space_normal = {n.x, n.y, n.z};
-    r.half_space_offset = bone.number("offset_mm", 0, -1000, 1000, mm);
-    r.regions.nail = bone.number("nail", r.regions.nail, 0, 1);
-    r.regions.cut = bone.number("cut", r.regions.cut, 0, 1);
-    r.regions.phalanx_length = bone.number("phalanx_length", r.regions.phalanx_length, 0, 1);
-    r.regions.phalanx_height = bone.number("phalanx_height", r.regions.phalanx_height, 0, 1);
-    r.regions.phalanx_radius = bone.number("phalanx_radius", r.regions.phalanx_radius, 0, 1);
-    bone.finish();
-    return r;
 }
 
 /// [filter]: a one-euro filter of tracked poses; without the table, none.
@@ -271,21 +208,28 @@ void read_recording(Section s, Scene& scene, const std::filesystem::path& folder
 
 void read_fingers(Section& root, Scene& scene, const std::filesystem::path& folder) {
     FingerTemplates templates;
-    FingerSpec common;
+    FingerModel model;  // of all fingers, as far as the scene's own tables say
+    model.mesh.shape = finger_shape("index");
+    FingerSpec& common = model.spec;
     read_material(root.table("material"), common);
     read_limits(root.table("limits"), common);
     read_coupling(root.table("coupling"), common.coupling);
     read_filter(root.table("filter"), common.filter);
     std::set<std::string> names;
     for (Section& s : root.tables("finger")) {
-        FingerSpec f = common;
+        FingerModel m = model;
+        FingerSpec& f = m.spec;
         const int index = int(scene.spec.fingers.size());
         f.name = s.text("name", "finger " + std::to_string(index));
         if (f.name.find_first_of("/\\\"\n,") != std::string::npos || f.name.empty())
             s.complain("name", "a name is used for files: no slashes, quotes or commas");
         if (!names.insert(f.name).second) s.complain("name", "two fingers are called '" + f.name + "'");
-        read_material(s.table("material"), f);
-        read_limits(s.table("limits"), f);
+        if (const std::string named = s.text("finger", ""); !named.empty()) {
+            Problems found{scene.file, {}};
+            read_named_finger(named, folder, m, found);
+            for (const auto& message : found.messages) s.complain("finger", message);
+        }
+        read_finger_model(s, folder, m);
         read_coupling(s.table("coupling"), f.coupling);
         read_filter(s.table("filter"), f.filter);
         FingerMotion motion;
@@ -304,15 +248,15 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
             motion.fit = read_pose(fit);
             fit.finish();
         }
-        const FingerMeshRequest request = read_mesh_request(s, folder);
         std::string note;
         try {
-            f.mesh = make_finger_mesh(request, templates, note);
+            scene.spec.fingers.push_back(build_finger(m, templates, note));
         } catch (const InputError& error) {
-            for (const auto& m : error.messages) s.complain(request.file.empty() ? "shape" : "mesh", m);
+            for (const auto& message : error.messages) s.complain(m.mesh.file.empty() ? "shape" : "mesh", message);
+            scene.spec.fingers.push_back(f);
         }
         scene.mesh_notes.push_back(note);
-        scene.spec.fingers.push_back(std::move(f));
+        scene.finger_models.push_back(m);
         scene.finger_motions.push_back(std::move(motion));
         read_device(s.table("device"), index, folder, scene);
         s.finish();

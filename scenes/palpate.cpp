@@ -34,6 +34,8 @@ int main(int argc, char** argv) {
     actions["calibrate-thimble"] = palpate::add_calibrate_thimble_command(program, stop_requested);
     actions["sweep"] = palpate::add_sweep_command(program, stop_requested);
     actions["stress"] = palpate::add_stress_command(program, stop_requested);
+    actions["indent"] = palpate::add_indent_command(program);
+    actions["calibrate"] = palpate::add_calibrate_command(program, stop_requested);
     actions["explain"] = palpate::add_explain_command(program);
     try {
         program.parse(argc, argv);

@@ -10,6 +10,7 @@
 #include "devices/drivers/simulated.h"
 #include "devices/loop.h"
 #include "engine/build.h"
+#include "scenes/fingers/finger_model.h"
 #include "scenes/trackers/hand_recording.h"
 #include "scenes/trackers/trajectory.h"
 
@@ -42,9 +43,10 @@ struct Scene {
     Pose<double> recording_pose = Pose<double>::identity();  ///< recorded frame -> world
     double recording_start = 0;                              ///< time in the recording at scene time 0 [s]
     ThimbleLoopSettings loop;
-    ServoModel servo;                     ///< of simulated thimbles
-    std::vector<DriverSpec> drivers;      ///< per thimble
-    std::vector<std::string> mesh_notes;  ///< per finger: what was built, what was guessed
+    ServoModel servo;                        ///< of simulated thimbles
+    std::vector<DriverSpec> drivers;         ///< per thimble
+    std::vector<FingerModel> finger_models;  ///< per finger, as the files describe it
+    std::vector<std::string> mesh_notes;     ///< per finger: what was built, what was guessed
 };
 
 /// Reads a scene file and builds its meshes. `overrides` are "key=value". Throws InputError with all

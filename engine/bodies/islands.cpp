@@ -169,7 +169,8 @@ void group(BodyWork& w) {
             fresh.progress = {};
             fresh.progress.active = true;
             fresh.progress.converged = fresh.progress.failed = false;
-            fresh.progress.base_energy = fresh.progress.last_excess = std::numeric_limits<double>::max();
+            fresh.progress.base_energy = fresh.progress.last_excess = fresh.progress.last_depth =
+                std::numeric_limits<double>::max();
             fresh.progress.slope = fresh.progress.alpha = fresh.progress.damping = fresh.progress.exactness = 0;
             return s.island_count++;
         }

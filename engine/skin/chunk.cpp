@@ -92,7 +92,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
     make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions),
         make(s.friction_normal, 3 * frictions);
-    make(s.svd_guess, 9 * E), make(s.penalty_scale, 1, T(1));
+    make(s.svd_guess, 9 * E), make(s.penalty_scale, 2, T(1));
     auto& w = c.scratch;
     make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
     make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);

@@ -62,7 +62,7 @@ struct SkinState {
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
     LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
     LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps
-    LaneArray<T> penalty_scale;    ///< [1] grows where multipliers converge slowly
+    LaneArray<T> penalty_scale;    ///< [2] of limits, of contacts: grow where their multipliers converge slowly
 };
 
 /// Work memory of a step; nothing in it outlives the step but the candidates, which hold its forces.
@@ -123,7 +123,8 @@ struct LaneReport {
     double slope = 0;     ///< of the direction [J]
     double bad_pivots = 0;
     double surprise = 0;  ///< squared norm of what contact did beyond its linearisation [N^2]
-    double exactness = 0, alpha = 0, damping = 0, last_excess = 1e300;  ///< orders, per lane: as in LaneProgress
+    double exactness = 0, alpha = 0, damping = 0, last_excess = 1e300,
+           last_depth = 1e300;  ///< orders, per lane: as in LaneProgress
 };
 
 /// What a chunk exchanges with the bodies it touches; all empty in scenes without bodies. Columns are the 6 motions of

@@ -199,10 +199,14 @@ void coupled_update(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, u
     Evaluation<R> e;
     e.violation = detail::orders<R>(c, &LaneReport::violation);
     e.penetration = detail::orders<R>(c, &LaneReport::penetration);
+    e.contact_force = detail::orders<R>(c, &LaneReport::contact_force);
     // 1e300 is more than float holds.
-    R last = minimum(detail::orders<R>(c, &LaneReport::last_excess), R(std::numeric_limits<ScalarOf<R>>::max()));
-    detail::stiffen_slow_lanes(c, settings, e, mask, last);
-    detail::report<R>(c, &LaneReport::last_excess, last);
+    const R most(std::numeric_limits<ScalarOf<R>>::max());
+    R last_excess = minimum(detail::orders<R>(c, &LaneReport::last_excess), most);
+    R last_depth = minimum(detail::orders<R>(c, &LaneReport::last_depth), most);
+    detail::stiffen_slow_lanes(c, settings, e, mask, last_excess, last_depth);
+    detail::report<R>(c, &LaneReport::last_excess, last_excess);
+    detail::report<R>(c, &LaneReport::last_depth, last_depth);
     detail::update_multipliers<R>(c, mask);
 }
 

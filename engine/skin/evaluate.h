@@ -346,7 +346,7 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
     out.state = {load<R>(&c.state.normal_multiplier[i * W]), zero, R(0), zero};
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
-    const R base = load<R>(&c.rest.contact_penalty[s * W]), scale = load<R>(&c.state.penalty_scale[0]);
+    const R base = load<R>(&c.rest.contact_penalty[s * W]), scale = load<R>(&c.state.penalty_scale[W]);
     const R k_slip = base * minimum(scale, R(T(16)));
     R k = base * scale;
     out.soft = object.stiffness > 0;

@@ -38,13 +38,24 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
                        normalised(turn * before.rotation)};
     store_pose<R>(c.state.bone.data(), bone);
     const Mat3<R> rotation = rotation_matrix(turn);
+    // Penalties fall back once they are not needed, which under limits cannot be foreseen; but those of contacts must
+    // not stay where rounding of positions makes more force than a few millionths of what they carry.
+    unsigned limited = 0, stiff = 0;
+    for (int l = 0; l < W; ++l) {
+        if (c.status[l].limited_elements == 0) continue;
+        limited |= 1u << l;
+        if (c.rest.contact_penalty.empty()) continue;
+        const double rounding = std::numeric_limits<T>::epsilon() * double(c.rest.extent[l]) *
+                                double(c.rest.contact_penalty[l]) * double(c.state.penalty_scale[W + l]);
+        if (rounding > 2e-6 * c.status[l].contact_force_N) stiff |= 1u << l;
+    }
+    const MaskOf<R> rigid = mask_from_bits<R>(limited), kept[2] = {rigid, mask_from_bits<R>(limited & ~stiff)};
+    for (int k = 0; k < 2; ++k) {
+        T* scale = &c.state.penalty_scale[k * W];
+        store<R>(scale, maximum(select(kept[k], R(1), R(T(0.7))) * load<R>(scale), R(1)));
+    }
     // The first guess: nodes coast on; but where elements are at their limits, that would carry them far
     // past, so there the skin moves with the bone as it is.
-    unsigned limited = 0;
-    for (int l = 0; l < W; ++l) limited |= c.status[l].limited_elements > 0 ? 1u << l : 0u;
-    const MaskOf<R> rigid = mask_from_bits<R>(limited);
-    const R decay = select(rigid, R(1), R(T(0.7)));
-    store<R>(c.state.penalty_scale.data(), maximum(decay * load<R>(c.state.penalty_scale.data()), R(1)));
     for (int i = 0; i < t.node_count; ++i) {
         T* p = &c.state.position[3 * i * W];
         const Vec3<R> x = load_vec3<R>(p), coasting = x + dt * load_vec3<R>(&c.state.velocity[3 * i * W]);
@@ -164,7 +175,8 @@ inline void reset_lanes(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
                     &c.state.tangential_multiplier, &c.state.friction_radius, &c.scratch.limit_candidate,
                     &c.scratch.normal_candidate, &c.scratch.tangential_candidate})
         clear(*a);
-    store<R>(c.state.penalty_scale.data(), select(lanes, R(1), load<R>(c.state.penalty_scale.data())));
+    for (T* scale : {&c.state.penalty_scale[0], &c.state.penalty_scale[W]})
+        store<R>(scale, select(lanes, R(1), load<R>(scale)));
     for (std::size_t i = 0; i < 9 * t.elements.size(); ++i)
         store<R>(&c.scratch.svd[i * W], select(lanes, R(i % 9 % 4 == 0 ? T(1) : T(0)), load<R>(&c.scratch.svd[i * W])));
 }
@@ -201,7 +213,7 @@ inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e)
     for (int s = 0; s < bone_spring_count; ++s) stiffness += load<R>(&c.scratch.bone_springs[9 * s * W]);
     if (!c.rest.contact_penalty.empty())
         stiffness += select(e.contact_force > R(0),
-                            load<R>(c.rest.contact_penalty.data()) * load<R>(c.state.penalty_scale.data()), R(0));
+                            load<R>(c.rest.contact_penalty.data()) * load<R>(&c.state.penalty_scale[W]), R(0));
     return R(2 * std::numeric_limits<T>::epsilon()) * load<R>(c.rest.extent.data()) * stiffness;
 }
 
@@ -227,17 +239,24 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
 /// on it, and the multipliers then swing from one side to the other for ever.
 template <class R>
 inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s, const Evaluation<R>& e,
-                               MaskOf<R> lanes, R& last_excess) {
+                               MaskOf<R> lanes, R& last_excess, R& last_depth) {
     using T = ScalarOf<R>;
-    const R excess = maximum(e.violation * R(T(1 / s.limit_tolerance)), e.penetration * R(T(1 / s.contact_tolerance)));
-    const R scale = load<R>(c.state.penalty_scale.data());
-    const T largest = sizeof(T) == 8 ? T(1e5) : T(4e3);  // beyond, rounding of positions is felt as force
+    const R largest(sizeof(T) == 8 ? T(1e5) : T(4e3));  // beyond, rounding of positions is felt as force
     // Far outside, where elements are inverted or objects deep in the skin, a violation that stays says nothing about
     // the multipliers.
-    const MaskOf<R> near = (e.violation < R(T(3))) & (e.penetration < R(T(1e-2)));
-    const MaskOf<R> slow = lanes & near & (excess > R(1)) & (R(4) * excess > last_excess) & (scale < R(largest));
-    store<R>(c.state.penalty_scale.data(), select(slow, R(8) * scale, scale));
-    last_excess = select(lanes, excess, last_excess);
+    const MaskOf<R> near = lanes & (e.violation < R(T(3))) & (e.penetration < R(T(1e-2)));
+    auto stiffen = [&](T* of, const R& most, const R& excess, R& last) {
+        const R scale = load<R>(of);
+        const MaskOf<R> slow = near & (excess > R(1)) & (R(4) * excess > last) & (scale < most);
+        store<R>(of, select(slow, R(8) * scale, scale));
+        last = select(lanes, excess, last);
+    };
+    const R violation = e.violation * R(T(1 / s.limit_tolerance)),
+            depth = e.penetration * R(T(1 / s.contact_tolerance));
+    // Contacts that settle slowly press on elements at their limits, so those become stiffer, too; in float that would
+    // make more force of rounding than it is worth.
+    stiffen(&c.state.penalty_scale[0], largest, sizeof(T) == 8 ? maximum(violation, depth) : violation, last_excess);
+    stiffen(&c.state.penalty_scale[lane_width<R>], largest, depth, last_depth);
 }
 
 }  // namespace detail
@@ -252,7 +271,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     p.active = mask_from_bits<R>(c.used_lanes);
     p.converged = p.failed = mask_from_bits<R>(0);
     p.exactness = R(0);
-    p.base_energy = p.last_excess = R(std::numeric_limits<T>::max());
+    p.base_energy = p.last_excess = p.last_depth = R(std::numeric_limits<T>::max());
     p.slope = p.alpha = p.damping = R(0);
     detail::keep_base<R>(c, p.active);
     Evaluation<R> e;
@@ -268,7 +287,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
             p.backtracks += select(d.retry, R(1), R(0));
         }
         if (any(d.update)) {
-            detail::stiffen_slow_lanes(c, settings, e, d.update, p.last_excess);
+            detail::stiffen_slow_lanes(c, settings, e, d.update, p.last_excess, p.last_depth);
             p.updates += select(d.update, R(1), R(0));
             p.base_energy = select(d.update, R(std::numeric_limits<T>::max()), p.base_energy);
             detail::update_multipliers<R>(c, d.update);

@@ -31,7 +31,7 @@ struct LaneProgress {
     MaskOf<R> converged, failed;  ///< how it finished
     R base_energy, slope, alpha;  ///< of the running line search
     R exactness;                  ///< share of exact curvature in the next Newton matrix
-    R last_excess;                ///< violation over tolerance at the last multiplier update
+    R last_excess, last_depth;    ///< of limits, of contacts: violation over tolerance at the last multiplier update
     R damping;  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
     R iterations{0}, updates{0}, backtracks{0};
 };

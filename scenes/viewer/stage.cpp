@@ -57,13 +57,16 @@ Strains strains_of(const TetMesh& mesh, const std::vector<Point>& now, const Fin
                 D(d, a - 1) = x[std::size_t(t[std::size_t(a)])][std::size_t(d)] - x[std::size_t(t[0])][std::size_t(d)];
         return D;
     };
-    for (const auto& t : mesh.tets) {
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        const auto& t = mesh.tets[e];
+        const double low = f.element_low.empty() ? f.limit_low : f.element_low[e],
+                     high = f.element_high.empty() ? f.limit_high : f.element_high[e];
         const Eigen::Matrix3d F = edges(now, t) * edges(mesh.nodes, t).inverse();
         Mat3<double> m;
         for (int i = 0; i < 9; ++i) m.m[i / 3][i % 3] = F(i / 3, i % 3);
         const Vec3<double> sigma = signed_svd(m).sigma;
         const double departure = std::max(std::abs(sigma.x - 1), std::abs(sigma.z - 1));
-        const bool limited = f.has_limits && (sigma.x > 0.999 * f.limit_high || sigma.z < 1.001 * f.limit_low);
+        const bool limited = f.has_limits && (sigma.x > 0.999 * high || sigma.z < 1.001 * low);
         for (int i : t) {
             s.departure[std::size_t(i)] = std::max(s.departure[std::size_t(i)], departure);
             s.limited[std::size_t(i)] |= limited;

@@ -1,0 +1,181 @@
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "meshes/input_error.h"
+#include "scenes/commands.h"
+#include "scenes/fingers/indentation.h"
+#include "scenes/fingers/source.h"
+#include "scenes/recording/series.h"
+#include "scenes/recording/svg.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr double degree = std::numbers::pi / 180;
+
+struct IndentArguments {
+    FingerSource source;
+    std::vector<double> angles_deg{30};
+    double roll_deg = 0, depth_mm = 4, force_N = 6, speed_mm_per_s = 0, friction = 0, shear_friction = 0.8;
+    int steps = 40;
+    std::string out = "results/indent";
+    bool json = false;
+};
+
+/// Bands of index fingers pressed flat, as remembered from the literature (README, "Where the finger comes from").
+struct Band {
+    const char* what;
+    const char* unit;
+    double factor, low, high;
+    double FingertipFigures::*value;
+};
+const Band bands[] = {
+    {"displacement at 1 N", "mm", 1e3, 1.2, 2.2, &FingertipFigures::displacement_1N},
+    {"displacement at 4 N", "mm", 1e3, 1.8, 3.0, &FingertipFigures::displacement_4N},
+    {"stiffness at 4 N over 0.5 N", "", 1, 2.5, HUGE_VAL, &FingertipFigures::stiffening},
+    {"contact area at 1 N", "mm2", 1e6, 60, 140, &FingertipFigures::area_1N},
+    {"contact area at 5 N", "mm2", 1e6, 120, 240, &FingertipFigures::area_5N},
+    {"exponent of area over force", "", 1, -HUGE_VAL, 0.6, &FingertipFigures::area_exponent},
+    {"surface strain at 5 N, pressed", "%", 100, -HUGE_VAL, HUGE_VAL, &FingertipFigures::strain_5N},
+    {"surface strain at 5 N, sheared", "%", 100, 30, 60, &FingertipFigures::sheared_strain_5N},
+    {"tangential stiffness at 1 N", "N/mm", 1e-3, 0.5, 2.5, &FingertipFigures::tangential_stiffness_1N},
+};
+
+Series series_of(const std::vector<double>& angles, const std::vector<IndentationCurve>& curves) {
+    Series s;
+    s.columns = {"angle_deg",      "displacement_mm", "force_N",          "area_mm2", "hull_mm2",
+                 "surface_strain", "touching",        "limited_elements", "converged"};
+    for (std::size_t c = 0; c < curves.size(); ++c)
+        for (const IndentationPoint& p : curves[c].points)
+            s.values.insert(s.values.end(),
+                            {angles[c], 1e3 * p.displacement, p.force, 1e6 * p.area, 1e6 * p.hull, p.surface_strain,
+                             double(p.touching), double(p.limited), double(p.converged)});
+    return s;
+}
+
+void draw(const std::filesystem::path& path, const std::string& name, const std::vector<double>& angles,
+          const std::vector<IndentationCurve>& curves, double force_limit) {
+    Plot force{name + ", pressed by a flat plate", "displacement [mm]", "force [N]", {}, {}};
+    Plot area{"Contact area", "force [N]", "area [mm2]", {}, {}};
+    for (std::size_t c = 0; c < curves.size(); ++c) {
+        char label[40];
+        std::snprintf(label, sizeof label, "%g degrees", angles[c]);
+        Curve f{label, {}, {}}, a{label, {}, {}}, h{std::string(label) + ", hull", {}, {}};
+        for (const IndentationPoint& p : curves[c].points) {
+            if (p.force > 1.2 * force_limit) break;
+            f.x.push_back(1e3 * p.displacement), f.y.push_back(p.force);
+            a.x.push_back(p.force), a.y.push_back(1e6 * p.area);
+            h.x.push_back(p.force), h.y.push_back(1e6 * p.hull);
+        }
+        force.curves.push_back(f);
+        area.curves.push_back(a);
+        if (curves.size() == 1) area.curves.push_back(h);
+    }
+    write_svg(path, {force, area});
+}
+
+nlohmann::json json_of(const std::vector<double>& angles, const std::vector<FingertipFigures>& figures) {
+    nlohmann::json all = nlohmann::json::array();
+    for (std::size_t c = 0; c < angles.size(); ++c) {
+        nlohmann::json row{{"angle_deg", angles[c]}};
+        for (const Band& b : bands) {
+            const double v = b.factor * (figures[c].*b.value);
+            row[std::string(b.what) + (*b.unit ? std::string(" [") + b.unit + "]" : "")] =
+                std::isfinite(v) ? nlohmann::json(v) : nlohmann::json();
+        }
+        all.push_back(row);
+    }
+    return all;
+}
+
+void print(const std::vector<double>& angles, const std::vector<FingertipFigures>& figures,
+           const std::vector<IndentationCurve>& curves) {
+    for (std::size_t c = 0; c < angles.size(); ++c) {
+        std::printf("\nat %g degrees\n", angles[c]);
+        for (const Band& b : bands) {
+            const double v = b.factor * (figures[c].*b.value);
+            std::printf("  %-32s ", b.what);
+            if (!std::isfinite(v)) {
+                std::printf("not reached: press deeper (--depth-mm), or further (--force-N)\n");
+                continue;
+            }
+            std::printf("%7.2f %-4s", v, b.unit);
+            if (std::isfinite(b.low) || std::isfinite(b.high)) {
+                if (!std::isfinite(b.high))
+                    std::printf("  index fingers: at least %g", b.low);
+                else if (!std::isfinite(b.low))
+                    std::printf("  index fingers: below %g", b.high);
+                else
+                    std::printf("  index fingers: %g to %g", b.low, b.high);
+                if (v < b.low || v > b.high) std::printf("   OUTSIDE");
+            }
+            std::printf("\n");
+        }
+        std::size_t failed = 0;
+        for (const IndentationPoint& p : curves[c].points) failed += !p.converged;
+        if (failed) std::printf("  %zu of %zu steps did not converge: see the CSV\n", failed, curves[c].points.size());
+    }
+}
+
+int run_indent(const IndentArguments& a) {
+    std::string note;
+    const FingerModel model = load_finger(a.source);
+    FingerTemplates templates;
+    const FingerSpec finger = build_finger(model, templates, note);
+    oneapi::tbb::task_arena arena;
+    std::vector<Indentation> presses;
+    for (const double angle : a.angles_deg)
+        presses.push_back({finger, angle * degree, a.roll_deg * degree, 1e-3 * a.depth_mm});
+    for (std::size_t i = 0; i < presses.size(); ++i) presses[i].finger.name = std::to_string(i);
+    const auto curves = indent(
+        presses, {.steps = a.steps, .force_limit = a.force_N, .speed = 1e-3 * a.speed_mm_per_s, .friction = a.friction},
+        arena);
+    std::vector<FingertipFigures> figures;
+    for (std::size_t i = 0; i < presses.size(); ++i)
+        figures.push_back(fingertip_figures(presses[i], curves[i], a.shear_friction, arena));
+    if (!a.out.empty()) {
+        std::filesystem::create_directories(a.out);
+        write_csv(std::filesystem::path(a.out) / "indent.csv", series_of(a.angles_deg, curves));
+        draw(std::filesystem::path(a.out) / "indent.svg", model.title.empty() ? a.source.name : model.title,
+             a.angles_deg, curves, a.force_N);
+    }
+    if (a.json) {
+        std::printf("%s\n", json_of(a.angles_deg, figures).dump(2).c_str());
+        return 0;
+    }
+    std::printf("%s\n%s\n", model.title.empty() ? a.source.name.c_str() : model.title.c_str(), note.c_str());
+    print(a.angles_deg, figures, curves);
+    if (!a.out.empty()) std::printf("\nwritten: %s/indent.csv, indent.svg\n", a.out.c_str());
+    return 0;
+}
+
+}  // namespace
+
+Action add_indent_command(CLI::App& program) {
+    auto* c = program.add_subcommand("indent", "press a flat plate on a finger: force, displacement, contact area");
+    auto a = std::make_shared<IndentArguments>();
+    add_finger_options(*c, "finger", "which finger", a->source);
+    c->get_option("finger")->required();
+    c->add_option("--angle", a->angles_deg, "between plate and finger axis [degrees]; several, separated by commas")
+        ->delimiter(',')
+        ->check(CLI::Range(-30.0, 90.0));
+    c->add_option("--roll", a->roll_deg, "of the finger about its axis [degrees]")->check(CLI::Range(-180.0, 180.0));
+    c->add_option("--depth-mm", a->depth_mm, "displacement at the end, from first touch")
+        ->check(CLI::Range(0.01, 20.0));
+    c->add_option("--force-N", a->force_N, "end at this force")->check(CLI::Range(0.01, 1000.0));
+    c->add_option("--steps", a->steps, "displacements up to the depth")->check(CLI::Range(2, 10000));
+    c->add_option("--speed-mm-per-s", a->speed_mm_per_s,
+                  "of the plate; 0: quasi-static. Tissue has inertia but no viscosity")
+        ->check(CLI::Range(0.0, 1000.0));
+    c->add_option("--friction", a->friction, "of the plate while it presses")->check(CLI::Range(0.0, 10.0));
+    c->add_option("--shear-friction", a->shear_friction, "of the plate in the presses that are moved across")
+        ->check(CLI::Range(0.05, 10.0));
+    c->add_option("--out", a->out, "folder of indent.csv and indent.svg; empty: none");
+    c->add_flag("--json", a->json, "print the figures as JSON");
+    return [a] { return run_indent(*a); };
+}
+
+}  // namespace palpate
