@@ -128,6 +128,8 @@ Action add_calibrate_command(CLI::App& program, const std::atomic<bool>& stop) {
         ->required();
     a->source.name = "index-median";
     add_finger_options(*c, "--finger", "what to start from (default: index-median)", a->source);
+    c->add_option("--elements", a->source.elements, "wanted number of tetrahedra (default: as the finger says)")
+        ->check(CLI::Range(20, 200000));
     c->add_option("--fit", a->settings.parameters,
                   "what to fit, separated by commas: young_kPa, poisson, low, high, length_mm, width_mm, thickness_mm, "
                   "pad_bulge, layer_1_young_kPa, ... (default young_kPa,low,width_mm)")

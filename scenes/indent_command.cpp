@@ -19,6 +19,7 @@ constexpr double degree = std::numbers::pi / 180;
 struct IndentArguments {
     FingerSource source;
     std::vector<double> angles_deg{30};
+    std::vector<int> elements{0};  // as the finger says
     double roll_deg = 0, depth_mm = 4, force_N = 6, speed_mm_per_s = 0, friction = 0, shear_friction = 0.8;
     int steps = 40;
     std::string out = "results/indent";
@@ -44,27 +45,40 @@ const Band bands[] = {
     {"tangential stiffness at 1 N", "N/mm", 1e-3, 0.5, 2.5, &FingertipFigures::tangential_stiffness_1N},
 };
 
-Series series_of(const std::vector<double>& angles, const std::vector<IndentationCurve>& curves) {
+/// One press and what came of it.
+struct Press {
+    Indentation how;
+    double angle_deg = 0;
+    IndentationCurve curve;
+    FingertipFigures figures;
+    std::string label() const {
+        char text[80];
+        std::snprintf(text, sizeof text, "%g degrees, %zu tetrahedra", angle_deg, how.finger.mesh.tets.size());
+        return text;
+    }
+};
+
+Series series_of(const std::vector<Press>& presses) {
     Series s;
-    s.columns = {"angle_deg",      "displacement_mm", "force_N",          "area_mm2", "hull_mm2",
-                 "surface_strain", "touching",        "limited_elements", "converged"};
-    for (std::size_t c = 0; c < curves.size(); ++c)
-        for (const IndentationPoint& p : curves[c].points)
+    s.columns = {"elements", "angle_deg",      "displacement_mm", "force_N",          "area_mm2",
+                 "hull_mm2", "surface_strain", "touching",        "limited_elements", "converged"};
+    for (const Press& press : presses)
+        for (const IndentationPoint& p : press.curve.points)
             s.values.insert(s.values.end(),
-                            {angles[c], 1e3 * p.displacement, p.force, 1e6 * p.area, 1e6 * p.hull, p.surface_strain,
-                             double(p.touching), double(p.limited), double(p.converged)});
+                            {double(press.how.finger.mesh.tets.size()), press.angle_deg, 1e3 * p.displacement, p.force,
+                             1e6 * p.area, 1e6 * p.hull, p.surface_strain, double(p.touching), double(p.limited),
+                             double(p.converged)});
     return s;
 }
 
-void draw(const std::filesystem::path& path, const std::string& name, const std::vector<double>& angles,
-          const std::vector<IndentationCurve>& curves, double force_limit) {
-    Plot force{name + ", pressed by a flat plate", "displacement [mm]", "force [N]", {}, {}};
+void draw(const std::filesystem::path& path, const std::string& name, const std::vector<Press>& presses,
+          double force_limit) {
+    Plot force{name, "displacement [mm]", "force [N]", {}, {}};
     Plot area{"Contact area", "force [N]", "area [mm2]", {}, {}};
-    for (std::size_t c = 0; c < curves.size(); ++c) {
-        char label[40];
-        std::snprintf(label, sizeof label, "%g degrees", angles[c]);
-        Curve f{label, {}, {}}, a{label, {}, {}}, h{std::string(label) + ", hull", {}, {}};
-        for (const IndentationPoint& p : curves[c].points) {
+    for (const Press& press : presses) {
+        Curve f{press.label(), {}, {}}, a = f, h = f;
+        h.name += ", hull";
+        for (const IndentationPoint& p : press.curve.points) {
             if (p.force > 1.2 * force_limit) break;
             f.x.push_back(1e3 * p.displacement), f.y.push_back(p.force);
             a.x.push_back(p.force), a.y.push_back(1e6 * p.area);
@@ -72,17 +86,17 @@ void draw(const std::filesystem::path& path, const std::string& name, const std:
         }
         force.curves.push_back(f);
         area.curves.push_back(a);
-        if (curves.size() == 1) area.curves.push_back(h);
+        if (presses.size() == 1) area.curves.push_back(h);
     }
     write_svg(path, {force, area});
 }
 
-nlohmann::json json_of(const std::vector<double>& angles, const std::vector<FingertipFigures>& figures) {
+nlohmann::json json_of(const std::vector<Press>& presses) {
     nlohmann::json all = nlohmann::json::array();
-    for (std::size_t c = 0; c < angles.size(); ++c) {
-        nlohmann::json row{{"angle_deg", angles[c]}};
+    for (const Press& press : presses) {
+        nlohmann::json row{{"angle_deg", press.angle_deg}, {"elements", press.how.finger.mesh.tets.size()}};
         for (const Band& b : bands) {
-            const double v = b.factor * (figures[c].*b.value);
+            const double v = b.factor * (press.figures.*b.value);
             row[std::string(b.what) + (*b.unit ? std::string(" [") + b.unit + "]" : "")] =
                 std::isfinite(v) ? nlohmann::json(v) : nlohmann::json();
         }
@@ -91,63 +105,68 @@ nlohmann::json json_of(const std::vector<double>& angles, const std::vector<Fing
     return all;
 }
 
-void print(const std::vector<double>& angles, const std::vector<FingertipFigures>& figures,
-           const std::vector<IndentationCurve>& curves) {
-    for (std::size_t c = 0; c < angles.size(); ++c) {
-        std::printf("\nat %g degrees\n", angles[c]);
-        for (const Band& b : bands) {
-            const double v = b.factor * (figures[c].*b.value);
-            std::printf("  %-32s ", b.what);
-            if (!std::isfinite(v)) {
-                std::printf("not reached: press deeper (--depth-mm), or further (--force-N)\n");
-                continue;
-            }
-            std::printf("%7.2f %-4s", v, b.unit);
-            if (std::isfinite(b.low) || std::isfinite(b.high)) {
-                if (!std::isfinite(b.high))
-                    std::printf("  index fingers: at least %g", b.low);
-                else if (!std::isfinite(b.low))
-                    std::printf("  index fingers: below %g", b.high);
-                else
-                    std::printf("  index fingers: %g to %g", b.low, b.high);
-                if (v < b.low || v > b.high) std::printf("   OUTSIDE");
-            }
-            std::printf("\n");
-        }
+void print(const Band& b, double v) {
+    std::printf("  %-32s ", b.what);
+    if (!std::isfinite(v)) {
+        std::printf("not reached: press deeper (--depth-mm), or further (--force-N)\n");
+        return;
+    }
+    std::printf("%7.2f %-4s", v, b.unit);
+    if (std::isfinite(b.low) && std::isfinite(b.high))
+        std::printf("  index fingers: %g to %g", b.low, b.high);
+    else if (std::isfinite(b.low))
+        std::printf("  index fingers: at least %g", b.low);
+    else if (std::isfinite(b.high))
+        std::printf("  index fingers: below %g", b.high);
+    std::printf("%s\n", v < b.low || v > b.high ? "   OUTSIDE" : "");
+}
+
+void print(const std::vector<Press>& presses) {
+    for (const Press& press : presses) {
+        std::printf("\n%s\n", press.label().c_str());
+        for (const Band& b : bands) print(b, b.factor * (press.figures.*b.value));
         std::size_t failed = 0;
-        for (const IndentationPoint& p : curves[c].points) failed += !p.converged;
-        if (failed) std::printf("  %zu of %zu steps did not converge: see the CSV\n", failed, curves[c].points.size());
+        for (const IndentationPoint& p : press.curve.points) failed += !p.converged;
+        if (failed)
+            std::printf("  %zu of %zu steps did not converge: see the CSV\n", failed, press.curve.points.size());
     }
 }
 
 int run_indent(const IndentArguments& a) {
-    std::string note;
-    const FingerModel model = load_finger(a.source);
+    FingerModel model = load_finger(a.source);
+    const std::string title = model.title.empty() ? a.source.name : model.title;
     FingerTemplates templates;
-    const FingerSpec finger = build_finger(model, templates, note);
+    std::string note;
     oneapi::tbb::task_arena arena;
-    std::vector<Indentation> presses;
-    for (const double angle : a.angles_deg)
-        presses.push_back({finger, angle * degree, a.roll_deg * degree, 1e-3 * a.depth_mm});
-    for (std::size_t i = 0; i < presses.size(); ++i) presses[i].finger.name = std::to_string(i);
-    const auto curves = indent(
-        presses, {.steps = a.steps, .force_limit = a.force_N, .speed = 1e-3 * a.speed_mm_per_s, .friction = a.friction},
-        arena);
-    std::vector<FingertipFigures> figures;
-    for (std::size_t i = 0; i < presses.size(); ++i)
-        figures.push_back(fingertip_figures(presses[i], curves[i], a.shear_friction, arena));
+    std::vector<Press> presses;
+    std::vector<Indentation> all;
+    for (const int elements : a.elements) {
+        if (elements > 0) model.mesh.elements = elements;
+        FingerSpec finger = build_finger(model, templates, note);
+        for (const double angle : a.angles_deg) {
+            finger.name = std::to_string(all.size());
+            all.push_back({finger, angle * degree, a.roll_deg * degree, 1e-3 * a.depth_mm});
+            presses.push_back({all.back(), angle, {}, {}});
+        }
+    }
+    const IndentationSettings settings{
+        .steps = a.steps, .force_limit = a.force_N, .speed = 1e-3 * a.speed_mm_per_s, .friction = a.friction};
+    const auto curves = indent(all, settings, arena);
+    for (std::size_t i = 0; i < presses.size(); ++i) {
+        presses[i].curve = curves[i];
+        presses[i].figures = fingertip_figures(presses[i].how, curves[i], a.shear_friction, arena);
+    }
     if (!a.out.empty()) {
         std::filesystem::create_directories(a.out);
-        write_csv(std::filesystem::path(a.out) / "indent.csv", series_of(a.angles_deg, curves));
-        draw(std::filesystem::path(a.out) / "indent.svg", model.title.empty() ? a.source.name : model.title,
-             a.angles_deg, curves, a.force_N);
+        write_csv(std::filesystem::path(a.out) / "indent.csv", series_of(presses));
+        draw(std::filesystem::path(a.out) / "indent.svg", title, presses, a.force_N);
     }
     if (a.json) {
-        std::printf("%s\n", json_of(a.angles_deg, figures).dump(2).c_str());
+        std::printf("%s\n", json_of(presses).dump(2).c_str());
         return 0;
     }
-    std::printf("%s\n%s\n", model.title.empty() ? a.source.name.c_str() : model.title.c_str(), note.c_str());
-    print(a.angles_deg, figures, curves);
+    std::printf("%s\n%s\n", title.c_str(), note.c_str());
+    print(presses);
     if (!a.out.empty()) std::printf("\nwritten: %s/indent.csv, indent.svg\n", a.out.c_str());
     return 0;
 }
@@ -159,6 +178,10 @@ Action add_indent_command(CLI::App& program) {
     auto a = std::make_shared<IndentArguments>();
     add_finger_options(*c, "finger", "which finger", a->source);
     c->get_option("finger")->required();
+    c->add_option("--elements", a->elements,
+                  "wanted number of tetrahedra (default: as the finger says); several, separated by commas")
+        ->delimiter(',')
+        ->check(CLI::Range(20, 200000));
     c->add_option("--angle", a->angles_deg, "between plate and finger axis [degrees]; several, separated by commas")
         ->delimiter(',')
         ->check(CLI::Range(-30.0, 90.0));

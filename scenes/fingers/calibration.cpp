@@ -23,7 +23,11 @@ std::vector<FitParameter> fit_parameters(const FingerModel& model) {
                        [=](const FingerModel& m) { return member(const_cast<FingerModel&>(m)) / unit; },
                        [=](FingerModel& m, double v) { member(m) = v * unit; }});
     };
-    add("young_kPa", 3, 500, true, kPa, [](FingerModel& m) -> double& { return m.spec.young_modulus; });
+    all.push_back({"young_kPa", 3, 500, true, [](const FingerModel& m) { return m.spec.young_modulus / kPa; },
+                   [](FingerModel& m, double v) {  // layers keep their ratio to it
+                       for (TissueLayer& l : m.layers) l.young_modulus *= v * kPa / m.spec.young_modulus;
+                       m.spec.young_modulus = v * kPa;
+                   }});
     add("poisson", 0.3, 0.495, false, 1, [](FingerModel& m) -> double& { return m.spec.poisson_ratio; });
     add("low", 0.3, 0.9, false, 1, [](FingerModel& m) -> double& { return m.spec.limit_low; });
     add("high", 1.1, 3, false, 1, [](FingerModel& m) -> double& { return m.spec.limit_high; });
@@ -115,8 +119,12 @@ struct Fit {
                 if (std::isfinite(p.displacement))
                     compare(field_at_displacement(curves[c], p.displacement, &IndentationPoint::force), p.force,
                             most_force);
+                // By the displacement where it is known: forces are measured with noise of their own.
                 if (std::isfinite(p.area))
-                    compare(field_at_force(curves[c], p.force, &IndentationPoint::area), p.area, most_area);
+                    compare(std::isfinite(p.displacement)
+                                ? field_at_displacement(curves[c], p.displacement, &IndentationPoint::area)
+                                : field_at_force(curves[c], p.force, &IndentationPoint::area),
+                            p.area, most_area);
             }
         }
         return Eigen::Map<VectorXd>(r.data(), std::ptrdiff_t(r.size()));

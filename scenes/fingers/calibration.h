@@ -18,8 +18,8 @@ struct FitParameter {
     std::function<double(const FingerModel&)> get;
     std::function<void(FingerModel&, double)> set;
 };
-/// Those a finger has: young_kPa, poisson, low, high; of a parametric one length_mm, width_mm, thickness_mm, pad_bulge;
-/// of its layers layer_1_young_kPa, layer_1_low, layer_1_high, ...
+/// Those a finger has: young_kPa (layers keep their ratio to it), poisson, low, high; of a parametric one length_mm,
+/// width_mm, thickness_mm, pad_bulge; of its layers layer_1_young_kPa, layer_1_low, layer_1_high, ...
 std::vector<FitParameter> fit_parameters(const FingerModel& model);
 
 struct CalibrationSettings {
@@ -56,9 +56,10 @@ struct Calibration {
     bool converged = false;
 };
 
-/// Bounded Levenberg-Marquardt from several starts on the logarithms of force (at the measured displacements) and area
-/// (at the measured forces). All fingers of an iteration, one per parameter and angle, are simulated together. Throws
-/// InputError where a parameter does not exist or there are fewer points than parameters.
+/// Bounded Levenberg-Marquardt from several starts on the logarithms of force and area at the
+/// measured displacements (without those, of area at the measured forces). All fingers of an iteration, one per
+/// parameter and angle, are simulated together. Throws InputError where a parameter does not exist or there are fewer
+/// points than parameters.
 Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>& data,
                       const CalibrationSettings& settings, oneapi::tbb::task_arena& arena,
                       const std::atomic<bool>& stop, const std::function<void(const std::string&)>& progress);

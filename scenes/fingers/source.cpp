@@ -37,8 +37,6 @@ void add_finger_options(CLI::App& command, const std::string& option, const std:
                            ": a preset (index-median), a finger file or scene (.toml), a surface (.obj, .stl, "
                            ".ply, .off) or a mesh (.msh, .vtu, .ele)");
     command.add_option("--finger-of-scene", source.finger, "which finger of the scene (default: its first)");
-    command.add_option("--elements", source.elements, "wanted number of tetrahedra (default: as the finger says)")
-        ->check(CLI::Range(20, 200000));
 }
 
 FingerModel load_finger(const FingerSource& source) {
