@@ -83,14 +83,17 @@ struct Fit {
         for (const FingerModel& m : models) {
             FingerSpec f = build_finger(m, templates, note);
             for (std::size_t c = 0; c < data.size(); ++c) {
-                double depth = 0;
+                // At the measured displacements, where they are not too many, so that nothing is interpolated.
+                std::vector<double> stops;
                 for (const MeasuredPoint& p : data[c].points) {
                     most = std::max(most, p.force);
-                    if (std::isfinite(p.displacement)) depth = std::max(depth, p.displacement);
+                    if (p.displacement > 0) stops.push_back(p.displacement);
                 }
-                f.name = std::to_string(all.size());
                 // Without displacements: as far as the forces ask for.
-                all.push_back({f, data[c].angle, 0, depth > 0 ? depth : 0.3 * m.mesh.shape.thickness});
+                const double depth = stops.empty() ? 0.3 * m.mesh.shape.thickness : stops.back();
+                if (int(stops.size()) > 2 * settings.steps) stops.clear();
+                f.name = std::to_string(all.size());
+                all.push_back({f, data[c].angle, 0, depth, stops});
             }
         }
         simulations += int(all.size());

@@ -26,7 +26,7 @@ struct CalibrationSettings {
     std::vector<std::string> parameters{"young_kPa", "low", "width_mm"};
     int starts = 3;       ///< local fits, from the best of five times as many points spread over the bounds
     int iterations = 15;  ///< most of one local fit
-    int steps = 16;       ///< displacements simulated per press
+    int steps = 16;       ///< displacements simulated per press; where up to twice as many were measured, those
     double noise = 0.05;  ///< assumed relative error of forces and areas: their weight against each other
     double friction = 0;  ///< of the plate
 };

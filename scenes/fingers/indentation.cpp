@@ -128,11 +128,13 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
     }
     for (IndentationCurve& c : curves) c.points.push_back({.converged = true});
     std::vector<double> lowered(count, 0.0);
-    for (int k = 1; k <= s.steps; ++k) {
+    for (std::size_t k = 1;; ++k) {
         std::vector<char> goes_on(count);
         for (std::size_t i = 0; i < count; ++i) {
-            goes_on[i] = s.force_limit <= 0 || curves[i].points.back().force <= s.force_limit;
-            if (goes_on[i]) lowered[i] = fingers[i].depth * k / s.steps;
+            const std::vector<double>& stops = fingers[i].displacements;
+            const std::size_t steps = stops.empty() ? std::size_t(s.steps) : stops.size();
+            goes_on[i] = k <= steps && (s.force_limit <= 0 || curves[i].points.back().force <= s.force_limit);
+            if (goes_on[i]) lowered[i] = stops.empty() ? fingers[i].depth * double(k) / s.steps : stops[k - 1];
             place(world, i, spec.fingers[i], lowered[i], 0);
         }
         if (std::find(goes_on.begin(), goes_on.end(), 1) == goes_on.end()) break;

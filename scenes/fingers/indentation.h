@@ -16,6 +16,7 @@ struct Indentation {
     double angle = 0;     ///< between plate and finger axis [rad]: 0 = the pad lies flat, pi/2 = tip on
     double roll = 0;      ///< about the finger's axis [rad]
     double depth = 3e-3;  ///< displacement at the end, from first touch [m]
+    std::vector<double> displacements = {};  ///< those to stop at, rising [m]; empty: equal steps to the depth
 };
 
 struct IndentationSettings {

@@ -1,0 +1,96 @@
+// How many fingers a machine steps: 1 to 10,000 pressed on a plane, the whole step. Writes throughput.svg.
+
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <map>
+
+#include "engine/build.h"
+#include "engine/step.h"
+#include "scenes/finger_mesh.h"
+#include "scenes/recording/svg.h"
+
+namespace palpate {
+namespace {
+
+struct Measured {
+    double steps_per_s_and_core = 0, kB_per_finger = 0;
+};
+std::map<int, std::map<int, Measured>> measured;  ///< [threads][fingers]
+
+void draw() {
+    Plot rate{"Pressed fingers, limits and friction, 1 ms steps, one iteration, float",
+              "fingers",
+              "finger-steps per second and core",
+              {},
+              {}};
+    Plot memory{"Memory of the skins", "fingers", "kB per finger", {}, {}};
+    rate.log_x = memory.log_x = true;
+    for (const auto& [threads, by_fingers] : measured) {
+        Curve r{std::to_string(threads) + (threads == 1 ? " thread" : " threads"), {}, {}}, m = r;
+        for (const auto& [fingers, v] : by_fingers) {
+            r.x.push_back(fingers), r.y.push_back(v.steps_per_s_and_core);
+            m.x.push_back(fingers), m.y.push_back(v.kB_per_finger);
+        }
+        rate.curves.push_back(r);
+        if (memory.curves.empty()) memory.curves.push_back(m);
+    }
+    write_svg("throughput.svg", {rate, memory});
+}
+
+World pressed_world(int fingers) {
+    FingerTemplates templates;
+    std::string note;
+    FingerMeshRequest request;
+    request.shape = finger_shape("index");
+    SceneSpec spec;
+    spec.solver.dt = 1e-3;
+    spec.solver.newton_iterations = 1;
+    spec.solver.tolerance = 1e-4;
+    spec.solver.multiplier_tolerance = 1e-3;
+    FingerSpec f;
+    f.name = "finger";
+    f.mesh = make_finger_mesh(request, templates, note);
+    f.has_limits = f.single_precision = true;
+    f.start.position.z = 0;
+    for (int node : f.mesh.pad_nodes)
+        f.start.position.z = std::max(f.start.position.z, -f.mesh.nodes[std::size_t(node)][2]);
+    spec.fingers.assign(std::size_t(fingers), f);
+    spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});
+    return build_world(spec);
+}
+
+void throughput(benchmark::State& state) {
+    const int fingers = int(state.range(0)), threads = int(state.range(1));
+    World world = pressed_world(fingers);
+    const double rest = world.skins[0].start.position.z;
+    oneapi::tbb::task_arena arena(threads);
+    // Warm up while the fingers come down by 1.5 mm, then measure while they go 0.5 mm further, each at its own pace.
+    const int warm = 30, counted = std::clamp(20000 / fingers, 20, 400);
+    double total = 0;
+    for (auto _ : state) {
+        for (int k = 1; k <= warm + counted; ++k) {
+            const double depth = k <= warm ? 1.5e-3 * k / warm : 1.5e-3 + 0.5e-3 * (k - warm) / counted;
+            for (int i = 0; i < fingers; ++i)
+                world.tracker_poses[std::size_t(i)].incoming = {
+                    {{0, 0, rest - depth * (1 - 0.02 * (i % 8))}, Quaternion<double>::identity()}, k * 1e-3, true};
+            step(world, arena);
+            if (k > warm) total += world.profile.total();
+        }
+        state.SetIterationTime(total / counted);
+    }
+    Measured& m = measured[threads][fingers];
+    m = {fingers * counted / total / threads, 1e-3 * double(skin_memory_bytes(world)) / fingers};
+    state.counters["finger_steps_per_s_and_core"] = m.steps_per_s_and_core;
+    state.counters["kB_per_finger"] = m.kB_per_finger;
+    draw();
+}
+BENCHMARK(throughput)
+    ->ArgsProduct({{1, 3, 10, 30, 100, 300, 1000, 3000, 10000}, {1, 2}})
+    ->ArgNames({"fingers", "threads"})
+    ->Iterations(1)
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace palpate
