@@ -56,6 +56,10 @@ std::vector<std::string> SceneSpec::validate() const {
     }
     for (const ObjectSpec& o : objects)
         need(o.friction >= 0 && o.friction <= 100, "object '" + o.name + "': friction must be between 0 and 100");
+    for (const FingerFriction& f : finger_frictions)
+        need(f.finger >= 0 && f.finger < int(fingers.size()) && f.object >= 0 && f.object < int(objects.size()) &&
+                 f.friction >= 0 && f.friction <= 100,
+             "a friction of a finger against an object must name one of each, and be between 0 and 100");
     for (const ThimbleSpec& t : thimbles) {
         need(t.finger >= 0 && t.finger < int(fingers.size()), "a thimble names a finger that does not exist");
         for (const auto& sentence : palpate::validate(t.model))
@@ -154,7 +158,11 @@ constexpr std::size_t largest_shared_mesh = 6000;
 template <class T>
 void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks,
                  std::vector<Skin>& skins) {
-    const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
+    auto rough = [](const auto& o) { return o.friction > 0; };
+    const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), rough) ||
+                          std::any_of(spec.finger_frictions.begin(), spec.finger_frictions.end(), rough);
+    std::vector<double> object_frictions;
+    for (const ObjectSpec& o : spec.objects) object_frictions.push_back(o.friction);
     const bool soft = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.stiffness > 0; });
     const bool shared = a.fingers.size() > 1 && a.mesh->tets.size() <= largest_shared_mesh;
     const auto topology =
@@ -172,6 +180,9 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
             const FingerSpec& f = spec.fingers[finger];
             set_lane(chunk, int(k - first), finger, parameters_of(f), f.start);
             if (soft) set_contact_areas(chunk, int(k - first), f.mesh);
+            for (const FingerFriction& own : spec.finger_frictions)
+                if (own.finger == finger)
+                    set_lane_friction(chunk, int(k - first), own.object, own.friction, object_frictions);
             skins[finger] = {f.name, sizeof(T) == 4, int(chunks.size()) - 1, int(k - first), f.mesh, f.start};
         }
         fill_empty_lanes(chunk);
@@ -231,6 +242,11 @@ World build_world(const SceneSpec& spec) {
     world.gravity = spec.gravity;
     world.pair_frictions = spec.pair_frictions;
     prepare_bodies(world);
+    for (RigidShape& shape : world.shapes)
+        if (shape.body >= 0 && world.bodies[shape.body].release > 0) {
+            std::swap(shape.body, shape.held_body);
+            world.bodies[shape.held_body].asleep = true;
+        }
     for (const ThimbleSpec& t : spec.thimbles) {
         if (spec.objects.empty()) break;  // nothing can be touched: nothing to render
         Matching m;

@@ -50,6 +50,7 @@ struct SceneSpec {
     std::vector<ObjectSpec> objects;
     Vec3<double> gravity{0, 0, -9.81};  ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;
+    std::vector<FingerFriction> finger_frictions;
     std::vector<ThimbleSpec> thimbles;
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;

@@ -24,7 +24,7 @@ void step(World& w, oneapi::tbb::task_arena& arena) {
     timed(w.profile.couple,
           [&] { couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.double_chunks, w.float_chunks); });
     timed(w.profile.detect_contacts, [&] {
-        begin_bodies(w.solver, w.shapes, w.bodies);
+        begin_bodies(w.solver, w.time, w.shapes, w.bodies);
         w.crowded += detect_contacts(w.shapes, w.bodies, w.solver, w.double_chunks, w.float_chunks);
     });
     timed(w.profile.solve_skin, [&] { solve_skins(w.solver, arena, w.double_chunks, w.float_chunks); });

@@ -24,8 +24,8 @@ int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bod
 void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena,
                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
 
-/// Where bodies would coast to: their first guess, for detect_contacts.
-void begin_bodies(const SolverSettings& solver, Table<RigidShape>& shapes, const Table<RigidBody>& bodies);
+/// Lets go of bodies whose release has come, and guesses for detect_contacts where bodies would coast to.
+void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies);
 
 /// One implicit step of every body, and of every chunk near one: bones, skin and bodies in one solve.
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,

@@ -94,6 +94,7 @@ struct RigidShape {
     double friction = 0;   ///< Coulomb coefficient against skin; against another object the geometric mean of both
     double stiffness = 0;  ///< pressure on skin per depth, where the object gives way [Pa/m]; 0: rigid
     int body = -1;         ///< row of its body; -1: fixed or scripted
+    int held_body = -1;    ///< row of a body that stays where it is until its release; -1: none
     std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };
 
@@ -129,6 +130,12 @@ struct StepProfile {
 /// Coulomb coefficient of two objects against each other, where it is not the geometric mean of theirs.
 struct PairFriction {
     int a = 0, b = 0;  ///< rows of objects
+    double friction = 0;
+};
+
+/// Coulomb coefficient of one finger against one object, where it is not the object's.
+struct FingerFriction {
+    int finger = 0, object = 0;  ///< rows
     double friction = 0;
 };
 

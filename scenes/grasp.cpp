@@ -22,8 +22,38 @@ const ObjectContact* contact_of(const World& world, EntityId finger, int object)
 /// Row of the object that a body moves.
 int object_of(const World& world, int body) {
     for (std::size_t row = 0; row < world.shapes.size(); ++row)
-        if (world.shapes[row].body == body) return int(row);
+        if (world.shapes[row].body == body || world.shapes[row].held_body == body) return int(row);
     return -1;
+}
+
+double friction_of(const SceneSpec& spec, int finger, int object) {
+    for (const FingerFriction& own : spec.finger_frictions)
+        if (own.finger == finger && own.object == object) return own.friction;
+    return spec.objects[std::size_t(object)].friction;
+}
+
+/// Samples with which a finger touches an object, seen from its centre of mass.
+void read_grip(const Simulation& s, std::size_t finger, int object, std::vector<GripSample>& grip) {
+    grip.clear();
+    const World& w = s.world;
+    const RigidShape& shape = w.shapes[object];
+    const Vec3<double> centre = centre_pose(w.bodies[shape.body], shape.pose).position;
+    const ContactSurface& c = *w.contact_surfaces.find(s.fingers[finger]);
+    const double friction = friction_of(s.scene.spec, int(finger), object);
+    for (std::size_t k = 0; k < c.force.size(); ++k) {
+        if (!c.touches[k]) continue;
+        const Vec3<double> x = transform(c.bone, c.position[k]);
+        auto distance = [&](int o) { return surface_point(w.shapes[o].shape, w.shapes[o].pose, x).distance; };
+        bool nearest = true;  // a sample between two objects counts to the nearer one
+        for (const ObjectContact& other : c.objects)
+            if (other.object >= 0 && other.object != object && other.normal_force > 0)
+                nearest &= distance(object) <= distance(other.object);
+        if (!nearest) continue;
+        const Vec3<double> gradient = surface_point(shape.shape, shape.pose, x).normal;
+        const Vec3<double> normal = (1 / std::max(norm(gradient), 1e-9)) * gradient;
+        const double pressed = dot(c.force[k], normal);
+        grip.push_back({x - centre, normal, friction * std::max(0.0, pressed), pressed * normal - c.force[k]});
+    }
 }
 
 }  // namespace
@@ -56,11 +86,17 @@ void record_bodies(Simulation& s) {
              {w.time, 1e3 * p.x, 1e3 * p.y, 1e3 * p.z, q.w, q.x, q.y, q.z, 1e3 * v.x, 1e3 * v.y, 1e3 * v.z, f.x, f.y,
               f.z, double(held), balance, double(body.iterations), double(body.converged), double(body.reset)})
             out.push_back(value);
-        for (const EntityId finger : s.fingers) {
-            const ObjectContact* c = contact_of(w, finger, object);
+        for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+            const ObjectContact* c = contact_of(w, s.fingers[i], object);
             out.push_back(c ? c->normal_force : 0);
             out.push_back(c && c->friction_available > 0 ? c->friction_force / c->friction_available : 0);
             out.push_back(c ? 1e6 * c->slip : 0);
+            if (!held) continue;
+            std::vector<GripSample>& grip = s.last_grips[std::size_t(b) * s.fingers.size() + i];
+            if (c && c->normal_force > 0)
+                read_grip(s, i, object, grip);
+            else
+                grip.clear();
         }
     }
 }
@@ -110,7 +146,7 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
             if (last + 1 < held.size() && series.at(last + 1, column) > 0) lost = false;  // put down, not dropped
             if (touching == 0) continue;
             g.mean_N /= double(touching);
-            g.reserve_N = shape.friction * series.at(last, column) * (1 - series.at(last, column + 1));
+            g.reserve = grip_reserve(s.last_grips[std::size_t(b) * s.fingers.size() + i], -1.0 * s.world.gravity);
             out.slip_mm = std::max(out.slip_mm, g.slip_mm);
             out.grips.push_back(g);
         }
@@ -134,12 +170,13 @@ std::string to_text(const std::vector<BodySummary>& bodies) {
                 "of its weight, %.1f %% of steps converged\n",
                 b.name.c_str(), b.held_s, b.slip_mm, b.drift_mm, b.balance, 100 * b.converged_share);
             out << line;
-            std::snprintf(line, sizeof line, "  %-10s %9s %15s %9s %10s\n", "finger", "grip N", "friction used %",
-                          "slip mm", "reserve N");
+            std::snprintf(line, sizeof line, "  %-10s %9s %15s %9s %10s %9s %12s\n", "finger", "grip N",
+                          "friction used %", "slip mm", "weakest N", "weight N", "twist N mm");
             out << line;
             for (const GripSummary& g : b.grips) {
-                std::snprintf(line, sizeof line, "  %-10s %9.3f %15.1f %9.3f %10.3f\n", g.finger.c_str(), g.mean_N,
-                              100 * g.friction_use, g.slip_mm, g.reserve_N);
+                std::snprintf(line, sizeof line, "  %-10s %9.3f %15.1f %9.3f %10.3f %9.3f %12.3f\n", g.finger.c_str(),
+                              g.mean_N, 100 * g.friction_use, g.slip_mm, g.reserve.weakest_N, g.reserve.load_N,
+                              g.reserve.twist_N_mm);
                 out << line;
             }
             if (b.slip_mm > 1)

@@ -128,7 +128,7 @@ Shape read_shape(Section& s, const std::string& kind) {
 /// mass_g or density_kg_per_m3 make an object one that forces move.
 void read_body(Section& s, ObjectSpec& o) {
     if (!s.has("mass_g") && !s.has("density_kg_per_m3")) {
-        for (const char* key : {"restitution", "velocity_m_per_s", "spin_rad_per_s"})
+        for (const char* key : {"restitution", "velocity_m_per_s", "spin_rad_per_s", "release_s"})
             if (s.has(key)) s.complain(key, "only an object with mass_g or density_kg_per_m3 moves by itself");
         return;
     }
@@ -138,26 +138,40 @@ void read_body(Section& s, ObjectSpec& o) {
     const double mass = s.number("mass_g", 1e3 * density * volume_of(o.shape), 1e-3, 1e6, 1e-3);
     o.body = solid_body(o.shape, mass);
     o.body->restitution = s.number("restitution", 0, 0, 1);
+    o.body->release = s.number("release_s", 0, 0, 1e5);
     o.body->velocity = s.vector("velocity_m_per_s", {0, 0, 0}, 100);
     const Mat3<double> R = rotation_matrix(o.pose.rotation);
     const Vec3<double> spin = s.vector("spin_rad_per_s", {0, 0, 0}, 1000);
     o.body->angular_momentum = R * (o.body->inertia * transposed_times(R, spin));
 }
 
-/// [[friction]]: the coefficient of two objects against each other.
+/// [[friction]]: the coefficient of two objects, or of a finger and an object, against each other.
 void read_pair_frictions(Section& root, Scene& scene) {
+    SceneSpec& spec = scene.spec;
+    auto row_of = [](const auto& all, const std::string& name) {
+        const auto it = std::find_if(all.begin(), all.end(), [&](auto& o) { return o.name == name; });
+        return it == all.end() ? -1 : int(it - all.begin());
+    };
     for (Section& s : root.tables("friction")) {
-        PairFriction p;
-        for (auto [key, row] : {std::pair{"first", &p.a}, std::pair{"second", &p.b}}) {
-            const std::string name = s.text(key, "");
-            const auto& objects = scene.spec.objects;
-            const auto it = std::find_if(objects.begin(), objects.end(), [&](auto& o) { return o.name == name; });
-            if (it == objects.end()) s.complain(key, "expected the name of an object, found \"" + name + "\"");
-            *row = int(it - objects.begin());
+        int object[2], finger[2];
+        const char* keys[2] = {"first", "second"};
+        for (int k = 0; k < 2; ++k) {
+            const std::string name = s.text(keys[k], "");
+            object[k] = row_of(spec.objects, name), finger[k] = row_of(spec.fingers, name);
+            if (object[k] < 0 && finger[k] < 0)
+                s.complain(keys[k], "expected the name of an object or a finger, found \"" + name + "\"");
+            if (object[k] >= 0 && finger[k] >= 0)
+                s.complain(keys[k], "\"" + name + "\" is both an object and a finger: rename one");
         }
-        p.friction = s.number("coefficient", 0.5, 0, 100);
+        const double friction = s.number("coefficient", 0.5, 0, 100);
+        if (finger[0] >= 0 && finger[1] >= 0) s.complain("second", "two fingers do not touch each other");
+        if (object[0] >= 0 && object[0] == object[1]) s.complain("second", "an object does not touch itself");
         s.finish();
-        scene.spec.pair_frictions.push_back(p);
+        const int f = finger[0] >= 0 ? 0 : 1;
+        if (finger[f] >= 0)
+            spec.finger_frictions.push_back({finger[f], object[1 - f], friction});
+        else
+            spec.pair_frictions.push_back({object[0], object[1], friction});
     }
 }
 
@@ -276,8 +290,8 @@ void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
     read_recording(root.table("recording"), scene, folder);
     scene.spec.gravity = root.vector("gravity_m_per_s2", {0, 0, -9.81}, 1000);
     read_objects(root, scene, folder);
-    read_pair_frictions(root, scene);
     read_fingers(root, scene, folder);
+    read_pair_frictions(root, scene);
     read_solver(root.table("solver"), scene);
     read_thimble_loop(root.table("thimbles"), scene);
     root.finish();

@@ -103,6 +103,7 @@ Simulation make_simulation(Scene scene, int threads) {
         s.body_series.push_back({body_columns(s), {}});
         s.body_series.back().reserve(std::min<std::size_t>(steps, 2000000));
     }
+    s.last_grips.resize(s.world.bodies.size() * s.fingers.size());
     s.step_series.columns = step_columns;
     s.step_series.reserve(std::min<std::size_t>(steps, 2000000));
     return s;

@@ -8,6 +8,7 @@
 #include "engine/step.h"
 #include "scenes/recording/series.h"
 #include "scenes/scene.h"
+#include "scenes/wrench_reserve.h"
 
 namespace palpate {
 
@@ -26,6 +27,7 @@ struct Simulation {
     std::vector<Series> finger_series;                ///< one row per step
     std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
     std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
+    std::vector<std::vector<GripSample>> last_grips;  ///< per body and finger: when fingers alone held it last
     Series step_series;                               ///< wall time per system, one row per step
     std::unique_ptr<Hardware> hardware;               ///< null: thimbles tick in simulated time
 };

@@ -187,7 +187,9 @@ nlohmann::json to_json(const Summary& s) {
                                   {"mean_N", g.mean_N},
                                   {"friction_use", g.friction_use},
                                   {"slip_mm", g.slip_mm},
-                                  {"reserve_N", g.reserve_N}});
+                                  {"reserve_weakest_N", g.reserve.weakest_N},
+                                  {"reserve_weight_N", g.reserve.load_N},
+                                  {"reserve_twist_N_mm", g.reserve.twist_N_mm}});
         j["bodies"].push_back(k);
     }
     return j;

@@ -18,6 +18,7 @@ struct RigidBody {
     Vec3<double> mass_centre{0, 0, 0};            ///< object's frame [m]
     double size = 0.01;                           ///< largest distance of its surface from the centre of mass [m]
     double restitution = 0;                       ///< of contact with other objects
+    double release = 0;                           ///< until then it stays where it is [s]
     Vec3<double> velocity{0, 0, 0};               ///< of the centre of mass [m/s]
     Vec3<double> angular_momentum{0, 0, 0};       ///< about the centre of mass, world [kg m^2/s]
     Vec3<double> contact_force{0, 0, 0};          ///< sum of all contacts in the last step, world [N]

@@ -320,8 +320,14 @@ void update_all(Work& w) {
 
 }  // namespace
 
-void begin_bodies(const SolverSettings& solver, Table<RigidShape>& shapes, const Table<RigidBody>& bodies) {
-    if (bodies.empty() || !solver.inertia) return;
+void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies) {
+    if (bodies.empty()) return;
+    for (RigidShape& shape : shapes)
+        if (shape.held_body >= 0 && time >= bodies[shape.held_body].release) {
+            std::swap(shape.body, shape.held_body);
+            bodies[shape.body].asleep = false;
+        }
+    if (!solver.inertia) return;
     for (RigidShape& shape : shapes)
         if (shape.body >= 0)
             shape.pose = object_pose(

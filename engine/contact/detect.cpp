@@ -106,6 +106,9 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& b
         const RigidShape& shape = shapes[near[i].object];
         *slot = {near[i].object,  shape.shape, shape.pose, shape.previous, shape.friction,
                  shape.stiffness, shape.body,  {},         near[i].lanes};
+        if (!c.rest.object_friction.empty())
+            for (int lane = 0; lane < c.width; ++lane)
+                slot->friction = std::max(slot->friction, lane_friction(c, int(slot - c.slots.begin()), lane));
         if (shape.body >= 0) slot->mass_centre = bodies[shape.body].mass_centre;
     }
     return crowded;

@@ -37,7 +37,7 @@ Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t
         const Vec3<double> friction = read_vec3(c.state.tangential_multiplier, i, c.width, lane);
         force -= rotation_matrix(object.pose.rotation) * friction;
         sums.friction_force += norm(friction);
-        sums.friction_available += object.friction * normal_force;
+        sums.friction_available += lane_friction(c, slot, lane) * normal_force;
     }
     const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
     const Vec3<double> way = rotation_matrix(object.pose.rotation) *

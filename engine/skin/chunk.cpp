@@ -37,8 +37,9 @@ double value_at(const std::vector<double>& values, std::size_t i) {
 template <class Chunk, class Visit>
 void for_each_array(Chunk& c, Visit visit) {
     auto& r = c.rest;
-    for (auto* a : {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty,
-                    &r.mass, &r.contact_penalty, &r.contact_area, &r.tissue_stiffness, &r.extent, &r.rest_position})
+    for (auto* a :
+         {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty, &r.mass,
+          &r.contact_penalty, &r.contact_area, &r.object_friction, &r.tissue_stiffness, &r.extent, &r.rest_position})
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
@@ -215,6 +216,15 @@ void set_contact_areas(SkinChunk<T>& c, int lane, const TetMesh& mesh) {
 }
 
 template <class T>
+void set_lane_friction(SkinChunk<T>& c, int lane, int object, double friction, const std::vector<double>& objects) {
+    const auto W = std::size_t(c.width);
+    LaneArray<T>& all = c.rest.object_friction;
+    if (all.empty())
+        for (double value : objects) all.insert(all.end(), W, T(value));
+    all[std::size_t(object) * W + std::size_t(lane)] = T(friction);
+}
+
+template <class T>
 void place_slots(SkinChunk<T>& c) {
     const int W = c.width;
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
@@ -292,6 +302,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool); \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                  \
     template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                          \
+    template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                 \
     template void place_slots(SkinChunk<T>&);                                                                     \
     template void rebase_lane(SkinChunk<T>&, int);                                                                \
     template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \

@@ -42,6 +42,7 @@ struct SkinRest {
     LaneArray<T> mass;                   ///< [node] [kg]
     LaneArray<T> contact_penalty;        ///< [sample] [N/m]
     LaneArray<T> contact_area;           ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
+    LaneArray<T> object_friction;        ///< [object] Coulomb coefficients; empty where fingers do not differ in them
     LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
     LaneArray<T> extent;                 ///< [1] largest distance of a node from the bone's origin [m]
     LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
@@ -108,7 +109,7 @@ struct ContactSlot {
     Shape shape;
     Pose<double> pose;           ///< at the end of the step; of a body: as far as the solve has got
     Pose<double> start;          ///< at its beginning
-    double friction = 0;         ///< Coulomb coefficient
+    double friction = 0;         ///< Coulomb coefficient; where fingers differ in it, the largest
     double stiffness = 0;        ///< pressure per depth of an object that gives way [Pa/m]; 0: rigid
     int body = -1;               ///< row of the body that moves it; -1 = fixed or scripted
     Vec3<double> mass_centre{};  ///< of the body, in the object's frame [m]
@@ -223,6 +224,19 @@ void set_lane(SkinChunk<T>& chunk, int lane, int finger, const SkinParameters& p
 /// Gives every sample of every used lane its share of the rest surface: needed where objects give way.
 template <class T>
 void set_contact_areas(SkinChunk<T>& chunk, int lane, const TetMesh& mesh);
+
+/// Gives a lane its own coefficient of friction against an object, one of `objects`; the others keep theirs.
+template <class T>
+void set_lane_friction(SkinChunk<T>& chunk, int lane, int object, double friction, const std::vector<double>& objects);
+
+/// Coulomb coefficient of one lane against the object of a slot.
+template <class T>
+double lane_friction(const SkinChunk<T>& c, int slot, int lane) {
+    const ContactSlot& s = c.slots[slot];
+    return c.rest.object_friction.empty()
+               ? s.friction
+               : double(c.rest.object_friction[std::size_t(s.object) * c.width + std::size_t(lane)]);
+}
 
 /// Writes where the slots' objects are, as each lane sees them: after a pose or an origin has changed.
 template <class T>

@@ -317,6 +317,14 @@ inline SlotFrame<R> slot_frame(const SkinChunk<ScalarOf<R>>& c, int slot) {
     return {load_mat3<R>(frame), load_vec3<R>(frame + 9 * W), frame + 12 * W};
 }
 
+/// Coulomb coefficients of the lanes against the object of a slot.
+template <class R>
+inline R slot_friction(const SkinChunk<ScalarOf<R>>& c, int slot) {
+    const ContactSlot& s = c.slots[slot];
+    const auto& own = c.rest.object_friction;
+    return own.empty() ? R(ScalarOf<R>(s.friction)) : load<R>(&own[std::size_t(s.object) * lane_width<R>]);
+}
+
 /// One sample at x against one slot's object. Slip is the way of the sample over the object in this step, measured in
 /// the object's frame: where the object turns, friction turns with it, and the potential depends on where the two are
 /// relative to each other alone, so that action equals reaction.
@@ -391,6 +399,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
         const SlotFrame<R> frame = slot_frame<R>(c, slot);
+        const R friction = slot_friction<R>(c, slot);
         for (std::size_t s = 0; s < t.sample_count(); ++s) {
             const std::size_t i = slot * t.sample_count() + s;
             const SampleContact<R> contact =
@@ -417,7 +426,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
             if (contact.friction) {
                 const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
-                const R dr = R(T(c.slots[slot].friction)) * terms.normal_force - contact.state.friction_radius;
+                const R dr = friction * terms.normal_force - contact.state.friction_radius;
                 out.pending += dot(dt, dt) + dr * dr;
                 store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
                               transposed_times(frame.rotation, terms.tangential));

@@ -84,12 +84,12 @@ inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
         take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S);
-        const double friction = c.slots[slot].friction;
-        if (!c.has_friction || friction <= 0) continue;
+        if (!c.has_friction || c.slots[slot].friction <= 0) continue;
+        const R friction = detail::slot_friction<R>(c, slot);
         take(c.state.tangential_multiplier, c.scratch.tangential_candidate, 3 * slot * S, 3 * S);
         take(c.state.friction_normal, c.scratch.contact_normal, 3 * slot * S, 3 * S);
         for (std::size_t i = slot * S * W; i < (slot + 1) * S * W; i += W) {
-            const R radius = R(T(friction)) * load<R>(&c.scratch.normal_candidate[i]);
+            const R radius = friction * load<R>(&c.scratch.normal_candidate[i]);
             store<R>(&c.state.friction_radius[i], select(lanes, radius, load<R>(&c.state.friction_radius[i])));
         }
     }
