@@ -25,6 +25,8 @@ Action add_sweep_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_stress_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_indent_command(CLI::App& program);
 Action add_calibrate_command(CLI::App& program, const std::atomic<bool>& stop);
+Action add_tracker_command(CLI::App& program, const std::atomic<bool>& stop);
+Action add_emulate_tracker_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_view_command(CLI::App& program, const std::atomic<bool>& stop);
 
 }  // namespace palpate

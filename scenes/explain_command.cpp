@@ -37,7 +37,7 @@ int explain(const std::string& file, const std::vector<std::string>& overrides) 
     std::vector<std::string> limited, rubbing, bodies, moving, devices, following;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
         if (spec.fingers[i].has_limits) limited.push_back(spec.fingers[i].name);
-        if (s.scene.finger_motions[i].recorded_finger >= 0) following.push_back(spec.fingers[i].name);
+        if (s.scene.finger_motions[i].followed_finger >= 0) following.push_back(spec.fingers[i].name);
     }
     for (std::size_t i = 0; i < spec.objects.size(); ++i) {
         if (spec.objects[i].friction > 0) rubbing.push_back(spec.objects[i].name);

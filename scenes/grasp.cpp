@@ -92,11 +92,10 @@ void record_bodies(Simulation& s) {
             out.push_back(c && c->friction_available > 0 ? c->friction_force / c->friction_available : 0);
             out.push_back(c ? 1e6 * c->slip : 0);
             if (!held) continue;
-            std::vector<GripSample>& grip = s.last_grips[std::size_t(b) * s.fingers.size() + i];
-            if (c && c->normal_force > 0)
-                read_grip(s, i, object, grip);
-            else
-                grip.clear();
+            LastGrip& last = s.last_grips[std::size_t(b) * s.fingers.size() + i];
+            last.grip_sum += c ? c->normal_force : 0;
+            ++last.steps;
+            if (c && c->normal_force > 0.5 * last.grip_sum / double(last.steps)) read_grip(s, i, object, last.samples);
         }
     }
 }
@@ -146,7 +145,8 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
             if (last + 1 < held.size() && series.at(last + 1, column) > 0) lost = false;  // put down, not dropped
             if (touching == 0) continue;
             g.mean_N /= double(touching);
-            g.reserve = grip_reserve(s.last_grips[std::size_t(b) * s.fingers.size() + i], -1.0 * s.world.gravity);
+            g.reserve =
+                grip_reserve(s.last_grips[std::size_t(b) * s.fingers.size() + i].samples, -1.0 * s.world.gravity);
             out.slip_mm = std::max(out.slip_mm, g.slip_mm);
             out.grips.push_back(g);
         }

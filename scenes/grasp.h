@@ -20,7 +20,7 @@ struct GripSummary {
     double mean_N = 0;        ///< normal force while the body is held
     double friction_use = 0;  ///< worst share of the Coulomb limit in use while held
     double slip_mm = 0;       ///< way over the body while held
-    GripReserve reserve;      ///< what it could still resist, at the end of the hold
+    GripReserve reserve;      ///< what it could still resist, before it let go
 };
 
 struct BodySummary {

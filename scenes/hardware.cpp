@@ -85,7 +85,7 @@ void arm(Simulation& s, const ArmSettings& settings) {
         hardware->loops.push_back(&loop);
         hardware->seen.push_back({loop.q, loop.q, {}});
     }
-    hardware->due = device_clock();
+    s.pace.emplace().due = device_clock();
     hardware->thread = std::make_unique<DeviceThread>(hardware->loops);
     s.hardware = std::move(hardware);
 }
@@ -102,13 +102,13 @@ const ThimbleReport& newest_report(Hardware& h, int thimble) {
     return h.seen[std::size_t(thimble)];
 }
 
-void wait_for_real_time(Hardware& h, double dt) {
-    h.due += dt;
-    const double wait = h.due - device_clock();
+void wait_for_real_time(RealTimePace& pace, double dt) {
+    pace.due += dt;
+    const double wait = pace.due - device_clock();
     if (wait > 0) return std::this_thread::sleep_for(std::chrono::duration<double>(wait));
     if (wait < -0.2) {  // too slow for real time: do not race to catch up
-        h.due = device_clock();
-        ++h.late_steps;
+        pace.due = device_clock();
+        ++pace.late_steps;
     }
 }
 
@@ -145,8 +145,8 @@ std::string hardware_report(const Simulation& s) {
                       100 * late.share_within(0.002), 1e3 * late.quantile(0.99), 1e3 * late.worst());
         text += line;
     }
-    if (s.hardware->late_steps)
-        text += "the simulation fell behind real time " + std::to_string(s.hardware->late_steps) + " times\n";
+    if (s.pace->late_steps)
+        text += "the simulation fell behind real time " + std::to_string(s.pace->late_steps) + " times\n";
     return text;
 }
 

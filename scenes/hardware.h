@@ -19,8 +19,6 @@ struct Hardware {
     std::map<std::string, std::shared_ptr<Board>> boards;  ///< by controller
     std::vector<ThimbleReport> seen;                       ///< per thimble, the newest report
     std::vector<ThimbleLoop*> loops;                       ///< per thimble
-    double due = 0;                                        ///< when the next step is [s of device_clock]
-    std::int64_t late_steps = 0;                           ///< that began more than 200 ms late
     std::unique_ptr<DeviceThread> thread;                  ///< ends first
 };
 
@@ -41,7 +39,7 @@ void disarm(Simulation& simulation);
 /// The newest that a thimble's loop has told.
 const ThimbleReport& newest_report(Hardware& hardware, int thimble);
 /// Sleeps until the next step is due.
-void wait_for_real_time(Hardware& hardware, double dt);
+void wait_for_real_time(RealTimePace& pace, double dt);
 
 /// What armed thimbles went through, in lines for a terminal.
 std::string hardware_report(const Simulation& simulation);

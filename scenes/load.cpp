@@ -9,6 +9,7 @@
 #include "scenes/load_devices.h"
 #include "scenes/scene.h"
 #include "scenes/section.h"
+#include "scenes/trackers/hand_source.h"
 
 namespace palpate {
 
@@ -84,6 +85,7 @@ void read_filter(Section s, std::optional<PoseFilter>& filter) {
     filter->speed_factor = s.number("Hz_per_mm_per_s", filter->speed_factor, 0, 100);
     filter->turn_factor = s.number("Hz_per_deg_per_s", filter->turn_factor, 0, 100);
     filter->speed_cutoff = s.number("speed_cutoff_Hz", filter->speed_cutoff, 1e-3, 1000);
+    filter->lead = s.number("lead_ms", filter->lead / ms, 0, 200, ms);
     s.finish();
 }
 
@@ -203,24 +205,71 @@ void read_objects(Section& root, Scene& scene, const std::filesystem::path& fold
     }
 }
 
-void read_recording(Section s, Scene& scene, const std::filesystem::path& folder) {
-    if (!s) return;
-    const std::string file = s.text("file", ""), hand = s.choice("hand", "right", {"left", "right"});
-    scene.recording_pose = read_pose(s);
-    scene.recording_start = s.number("start_s", 0, 0, 1e5);
-    if (file.empty())
-        s.complain("file", "expected the name of a recording (.jsonl or .csv)");
-    else
-        try {
-            scene.recording =
-                std::make_shared<HandRecording>(read_hand_recording((folder / file).lexically_normal(), hand));
-        } catch (const InputError& error) {
-            for (const auto& m : error.messages) s.complain("file", m);
-        }
-    s.finish();
+/// [recording] replays a hand, [tracker] follows a live one. Which hand's files are read, the fingers say.
+struct HandSource {
+    std::filesystem::path file;
+    int hand = 1;
+    bool loop = false, missing = false;
+};
+
+HandSource read_hand_source(Section& root, Scene& scene, const std::filesystem::path& folder) {
+    HandSource source;
+    Section recording = root.table("recording"), tracker = root.table("tracker");
+    if (recording && tracker) root.complain("tracker", "a scene has either a [recording] or a [tracker]");
+    for (Section* s : {&recording, &tracker}) {
+        if (!*s) continue;
+        source.hand = s->choice("hand", "right", {"left", "right"}) == "right";
+        scene.tracker_pose = read_pose(*s);
+    }
+    if (recording) {
+        const std::string file = recording.text("file", "");
+        if (file.empty()) recording.complain("file", "expected the name of a recording (.jsonl or .csv)");
+        source.file = (folder / file).lexically_normal();
+        source.missing = !std::filesystem::is_regular_file(source.file);
+        if (!file.empty() && source.missing) recording.complain("file", source.file.string() + ": no such file");
+        scene.recording_start = recording.number("start_s", 0, 0, 1e5);
+        scene.recording_speed = recording.number("speed", 1, 1e-3, 1e3);
+        source.loop = recording.boolean("loop", false);
+    }
+    if (tracker) {
+        scene.tracker = tracker.text("source", "");
+        if (const std::string wrong = tracker_problem(scene.tracker); !wrong.empty()) tracker.complain("source", wrong);
+    }
+    recording.finish(), tracker.finish();
+    return source;
 }
 
-void read_fingers(Section& root, Scene& scene, const std::filesystem::path& folder) {
+/// `follow` and what belongs to it.
+void read_followed(Section& s, Scene& scene, const HandSource& source, FingerMotion& motion) {
+    const std::string follow = s.text("follow", "");
+    if (follow.empty()) {
+        for (const char* key : {"fit", "hand"})
+            if (s.has(key)) s.complain(key, "only a finger that follows a tracked one has it");
+        return;
+    }
+    const auto it = std::find(finger_names.begin(), finger_names.end(), follow);
+    if (it == finger_names.end())
+        return s.complain("follow", "expected thumb, index, middle, ring or little, found \"" + follow + "\"");
+    motion.followed_finger = int(it - finger_names.begin());
+    motion.hand = s.choice("hand", hand_names[std::size_t(source.hand)], {"left", "right"}) == "right";
+    if (Section fit = s.table("fit")) {
+        motion.fit = read_pose(fit);
+        fit.finish();
+    }
+    auto& recording = scene.recordings[std::size_t(motion.hand)];
+    if (!scene.tracker.empty() || recording || source.missing) return;
+    if (source.file.empty()) return s.complain("follow", "the scene has no [recording] or [tracker] to follow");
+    try {
+        auto read =
+            std::make_shared<HandRecording>(read_hand_recording(source.file, hand_names[std::size_t(motion.hand)]));
+        read->loop = source.loop;
+        recording = std::move(read);
+    } catch (const InputError& error) {
+        for (const auto& m : error.messages) s.complain("follow", m);
+    }
+}
+
+void read_fingers(Section& root, Scene& scene, const std::filesystem::path& folder, const HandSource& hands) {
     FingerTemplates templates;
     FingerModel model;  // of all fingers, as far as the scene's own tables say
     model.mesh.shape = finger_shape("index");
@@ -248,20 +297,7 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         read_filter(s.table("filter"), f.filter);
         FingerMotion motion;
         motion.keyframes = read_track(s);
-        const std::string follow = s.text("follow", "");
-        if (!follow.empty()) {
-            const auto it = std::find(finger_names.begin(), finger_names.end(), follow);
-            if (it == finger_names.end())
-                s.complain("follow", "expected thumb, index, middle, ring or little, found \"" + follow + "\"");
-            else
-                motion.recorded_finger = int(it - finger_names.begin());
-            if (!scene.recording) s.complain("follow", "the scene has no [recording] to follow");
-        }
-        if (Section fit = s.table("fit")) {
-            if (follow.empty()) s.complain("fit", "only a finger that follows a tracked one is fitted to it");
-            motion.fit = read_pose(fit);
-            fit.finish();
-        }
+        read_followed(s, scene, hands, motion);
         std::string note;
         try {
             scene.spec.fingers.push_back(build_finger(m, templates, note));
@@ -287,10 +323,10 @@ void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
     Section hand = root.table("hand");
     scene.hand = read_track(hand);
     hand.finish();
-    read_recording(root.table("recording"), scene, folder);
+    const HandSource hands = read_hand_source(root, scene, folder);
     scene.spec.gravity = root.vector("gravity_m_per_s2", {0, 0, -9.81}, 1000);
     read_objects(root, scene, folder);
-    read_fingers(root, scene, folder);
+    read_fingers(root, scene, folder, hands);
     read_pair_frictions(root, scene);
     read_solver(root.table("solver"), scene);
     read_thimble_loop(root.table("thimbles"), scene);
@@ -301,14 +337,21 @@ void read_scene(const toml::table& table, Scene& scene, Problems& problems) {
 
 }  // namespace
 
+TrackerPose::Sample placed(const Scene& scene, int finger, TrackerPose::Sample s) {
+    if (s.valid) s.pose = compose(compose(scene.tracker_pose, s.pose), scene.finger_motions[std::size_t(finger)].fit);
+    return s;
+}
+
 TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time) {
     const FingerMotion& motion = scene.finger_motions[finger];
-    if (motion.recorded_finger >= 0) {
-        TrackerPose::Sample s =
-            sample_recording(*scene.recording, motion.recorded_finger, time + scene.recording_start);
+    if (motion.followed_finger >= 0) {
+        const auto& recording = scene.recordings[std::size_t(motion.hand)];
+        TrackerPose::Sample s;
+        if (recording)
+            s = sample_recording(*recording, motion.followed_finger,
+                                 time * scene.recording_speed + scene.recording_start);
         s.time = time;
-        if (s.valid) s.pose = compose(compose(scene.recording_pose, s.pose), motion.fit);
-        return s;
+        return placed(scene, finger, s);
     }
     TrackerPose::Sample s;
     s.pose = compose(trajectory_pose(scene.hand, time), trajectory_pose(motion.keyframes, time));
@@ -334,9 +377,12 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<std::strin
     read_scene(table, scene, problems);
     if (!problems.messages.empty()) throw InputError(problems.messages);
     for (int i = 0; i < int(scene.spec.fingers.size()); ++i) {
-        // A finger starts where it is tracked first.
+        // A finger starts where it is tracked first; one that waits for a live hand, where its track begins.
         TrackerPose::Sample s = tracked_pose(scene, i, 0);
-        for (double t = 0; !s.valid && t < scene.duration; t += scene.spec.solver.dt) s = tracked_pose(scene, i, t);
+        if (scene.tracker.empty())
+            for (double t = 0; !s.valid && t < scene.duration; t += scene.spec.solver.dt) s = tracked_pose(scene, i, t);
+        if (!s.valid)
+            s.pose = compose(trajectory_pose(scene.hand, 0), trajectory_pose(scene.finger_motions[i].keyframes, 0));
         scene.spec.fingers[i].start = s.pose;
         scene.spec.fingers[i].start.rotation = normalised(s.pose.rotation);
     }

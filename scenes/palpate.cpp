@@ -36,6 +36,8 @@ int main(int argc, char** argv) {
     actions["stress"] = palpate::add_stress_command(program, stop_requested);
     actions["indent"] = palpate::add_indent_command(program);
     actions["calibrate"] = palpate::add_calibrate_command(program, stop_requested);
+    actions["tracker"] = palpate::add_tracker_command(program, stop_requested);
+    actions["emulate-tracker"] = palpate::add_emulate_tracker_command(program, stop_requested);
     actions["explain"] = palpate::add_explain_command(program);
     try {
         program.parse(argc, argv);

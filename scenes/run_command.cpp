@@ -17,7 +17,7 @@ namespace palpate {
 namespace {
 
 struct RunArguments {
-    std::string scene, out, report, record;
+    std::string scene, out, report, record, tracker;
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0, pads_per_second = 0, budget_ms = 0;
@@ -87,6 +87,10 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
+    const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
+    if (!source.empty()) follow_live(simulation, std::make_shared<LiveHands>(source));
+    if (simulation.live && !a.quiet && !a.json)
+        std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
     ReportRecorder report;
     const auto show = progress_bar(a.quiet);
     if (a.arm)
@@ -110,6 +114,7 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     if (pads) pads->finish(simulation);
     if (!a.report.empty()) report.write(a.report, simulation, summary);
     if (a.arm && !a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
+    if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
     else if (!a.quiet)
@@ -130,6 +135,9 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--pads-per-second", a->pads_per_second, "also write pads over time for ParaView (.vtu, .pvd)")
         ->check(CLI::Range(1e-3, 1e5));
     c->add_option("--record", a->record, "record inputs and outcome of every step; `palpate replay` runs it again");
+    c->add_option("--tracker", a->tracker,
+                  "fingers that follow a hand follow a live one, in real time: udp:PORT, websocket:PORT, "
+                  "ultraleap[:HOST:PORT]");
     c->add_option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
     c->add_option("--set", a->overrides,
                   "override a value of the scene, for example finger.index.material.young_kPa=40")

@@ -19,7 +19,8 @@ namespace palpate {
 /// What moves a finger: a script relative to the hand's script, or a recorded hand.
 struct FingerMotion {
     std::vector<Keyframe> keyframes;
-    int recorded_finger = -1;                     ///< index into finger_names; -1: scripted
+    int followed_finger = -1;                     ///< index into finger_names; -1: scripted
+    int hand = 1;                                 ///< of the followed finger: index into hand_names
     Pose<double> fit = Pose<double>::identity();  ///< tracked finger -> model finger, in the tracked finger's frame
 };
 
@@ -36,12 +37,14 @@ struct Scene {
     std::string title;
     double duration = 1;  ///< [s]
     SceneSpec spec;
-    std::vector<Keyframe> hand;                              ///< empty: the hand stays at the origin
-    std::vector<FingerMotion> finger_motions;                ///< per finger
-    std::vector<std::vector<Keyframe>> object_motions;       ///< per object; empty: fixed
-    std::shared_ptr<const HandRecording> recording;          ///< absent unless a finger follows it
-    Pose<double> recording_pose = Pose<double>::identity();  ///< recorded frame -> world
-    double recording_start = 0;                              ///< time in the recording at scene time 0 [s]
+    std::vector<Keyframe> hand;                                      ///< empty: the hand stays at the origin
+    std::vector<FingerMotion> finger_motions;                        ///< per finger
+    std::vector<std::vector<Keyframe>> object_motions;               ///< per object; empty: fixed
+    std::array<std::shared_ptr<const HandRecording>, 2> recordings;  ///< per hand; absent unless a finger follows it
+    Pose<double> tracker_pose = Pose<double>::identity();            ///< tracker's or recording's frame -> world
+    double recording_start = 0;                                      ///< time in the recording at scene time 0 [s]
+    double recording_speed = 1;                                      ///< recorded seconds per second
+    std::string tracker;                                             ///< source of live hands (live_hands.h)
     ThimbleLoopSettings loop;
     ServoModel servo;                        ///< of simulated thimbles
     std::vector<DriverSpec> drivers;         ///< per thimble
@@ -53,7 +56,10 @@ struct Scene {
 /// problems at once, each with file, line, column, key, expectation and finding.
 Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
-/// Tracked pose of a finger at a time.
+/// A followed finger's sample, as the tracker gives it, in the world: the tracker's place and the finger's fit applied.
+TrackerPose::Sample placed(const Scene& scene, int finger, TrackerPose::Sample sample);
+
+/// Pose of a finger at a time, scripted or recorded; not valid where it follows a live hand.
 TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time);
 
 }  // namespace palpate

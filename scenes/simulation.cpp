@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "meshes/input_error.h"
 #include "scenes/grasp.h"
 #include "scenes/hardware.h"
 
@@ -112,12 +113,29 @@ Simulation make_simulation(Scene scene, int threads) {
 StepInputs next_inputs(const Simulation& s) {
     const double next = s.world.time + s.world.solver.dt;
     StepInputs inputs;
-    for (std::size_t i = 0; i < s.fingers.size(); ++i) inputs.fingers.push_back(tracked_pose(s.scene, int(i), next));
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        const FingerMotion& motion = s.scene.finger_motions[i];
+        if (!s.live || motion.followed_finger < 0) {
+            inputs.fingers.push_back(tracked_pose(s.scene, int(i), next));
+            continue;
+        }
+        inputs.fingers.push_back(placed(s.scene, int(i), s.live->mailbox.newest(motion.hand, motion.followed_finger)));
+        inputs.fingers.back().time = next;
+    }
     for (std::size_t i = 0; i < s.world.shapes.size(); ++i) {
         const bool moves = i < s.scene.object_motions.size() && !s.scene.object_motions[i].empty();
         inputs.objects.push_back(moves ? trajectory_pose(s.scene.object_motions[i], next) : s.world.shapes[i].pose);
     }
     return inputs;
+}
+
+void follow_live(Simulation& s, std::shared_ptr<LiveHands> live) {
+    const auto& motions = s.scene.finger_motions;
+    if (std::none_of(motions.begin(), motions.end(), [](const auto& m) { return m.followed_finger >= 0; }))
+        throw InputError(s.scene.file.string() +
+                         ": no finger follows a hand (follow = \"index\"); see scenes/recorded_hand.toml");
+    s.live = std::move(live);
+    if (!s.pace) s.pace.emplace().due = device_clock();
 }
 
 void advance(Simulation& s) { advance(s, next_inputs(s)); }
@@ -148,7 +166,7 @@ void run(Simulation& s, const std::atomic<bool>& stop,
         const StepInputs inputs = next_inputs(s);
         advance(s, inputs);
         if (after_step) after_step(inputs, double(k + 1) / double(steps));
-        if (s.hardware) wait_for_real_time(*s.hardware, s.world.solver.dt);
+        if (s.pace) wait_for_real_time(*s.pace, s.world.solver.dt);
     }
     if (s.hardware) return disarm(s);
     for (auto& loop : s.loops) park(*loop);

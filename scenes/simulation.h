@@ -4,15 +4,30 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "engine/step.h"
 #include "scenes/recording/series.h"
 #include "scenes/scene.h"
+#include "scenes/trackers/hand_source.h"
 #include "scenes/wrench_reserve.h"
 
 namespace palpate {
 
 struct Hardware;
+
+/// Keeps steps in real time.
+struct RealTimePace {
+    double due = 0;               ///< when the next step is [s of device_clock]
+    std::int64_t late_steps = 0;  ///< that began more than 200 ms late
+};
+
+/// How a finger held a body when fingers alone held it last; not as it let go, with less than half its mean grip.
+struct LastGrip {
+    std::vector<GripSample> samples;
+    double grip_sum = 0;  ///< [N]
+    std::int64_t steps = 0;
+};
 
 struct Simulation {
     Simulation();
@@ -27,9 +42,11 @@ struct Simulation {
     std::vector<Series> finger_series;                ///< one row per step
     std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
     std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
-    std::vector<std::vector<GripSample>> last_grips;  ///< per body and finger: when fingers alone held it last
+    std::vector<LastGrip> last_grips;                 ///< per body and finger
     Series step_series;                               ///< wall time per system, one row per step
     std::unique_ptr<Hardware> hardware;               ///< null: thimbles tick in simulated time
+    std::shared_ptr<LiveHands> live;                  ///< hands that fingers follow now; null: the scene's recording
+    std::optional<RealTimePace> pace;                 ///< absent: as fast as it goes
 };
 
 /// Threads: 0 = as many as the machine has.
@@ -40,12 +57,16 @@ struct StepInputs {
     std::vector<TrackerPose::Sample> fingers;  ///< per finger
     std::vector<Pose<double>> objects;         ///< per object, fixed ones too
 };
-/// Of the next step, from scripts and recordings.
+/// Of the next step, from scripts, recordings and live hands.
 StepInputs next_inputs(const Simulation& simulation);
 
 /// One step: inputs in, world stepped, device loops ticked, one row recorded.
 void advance(Simulation& simulation, const StepInputs& inputs);
 void advance(Simulation& simulation);
+
+/// From now on fingers that follow a hand follow live ones, in real time. Throws InputError where no finger follows
+/// one.
+void follow_live(Simulation& simulation, std::shared_ptr<LiveHands> live);
 
 /// Runs to the scene's end or until `stop`; calls after_step(inputs, share done) after each step.
 void run(Simulation& simulation, const std::atomic<bool>& stop,

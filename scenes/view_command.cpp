@@ -9,7 +9,7 @@
 #include "meshes/mesh_files.h"
 #include "scenes/commands.h"
 #include "scenes/hardware.h"
-#include "scenes/trackers/udp_hand.h"
+#include "scenes/recording/run_file.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 
@@ -20,8 +20,8 @@ namespace {
 struct ViewArguments {
     std::string scene;
     std::vector<std::string> overrides;
-    int threads = 0, port = 8420, hand_port = -1;
-    std::string hand = "right";
+    int threads = 0, port = 8420;
+    std::string tracker, record;
     bool any_address = false, arm = false, no_watchdog = false;
 };
 
@@ -58,7 +58,7 @@ nlohmann::json settings_of(const Scene& scene) {
 struct LiveRun {
     const ViewArguments& arguments;
     ViewServer& server;
-    const UdpHand* hand;  ///< null: fingers follow the scene's recording
+    std::shared_ptr<LiveHands> hands{};  ///< null: fingers follow the scene's recording
     std::vector<std::string> overrides = arguments.overrides;
     std::unique_ptr<Simulation> simulation{};
     bool paused = false;
@@ -75,6 +75,15 @@ struct LiveRun {
         if (simulation) disarm(*simulation);
         simulation.reset();  // its controllers are free again
         simulation = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        const std::string source = arguments.tracker.empty() ? simulation->scene.tracker : arguments.tracker;
+        if (!source.empty()) {
+            if (!hands) hands = std::make_shared<LiveHands>(source, arguments.any_address);
+            follow_live(*simulation, hands);
+        }
+        if (!arguments.record.empty()) {
+            record.reset();
+            record = std::make_unique<RunWriter>(arguments.record, *simulation, overrides);
+        }
         if (arguments.arm) palpate::arm(*simulation, {!arguments.no_watchdog, "."});
         data["stage"] = stage_of(*simulation);
         if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
@@ -82,20 +91,14 @@ struct LiveRun {
         server.set_page(page_with(page_data));
     }
     nlohmann::json page_data{};
+    std::unique_ptr<RunWriter> record{};
 
-    /// One step; fingers that follow a hand follow the live one, if there is one.
+    /// One step, recorded if asked for: a recording holds the run from its last start.
     void advance_live() {
         Simulation& s = *simulation;
-        StepInputs inputs = next_inputs(s);
-        for (std::size_t i = 0; hand && i < inputs.fingers.size(); ++i) {
-            const int followed = s.scene.finger_motions[i].recorded_finger;
-            if (followed < 0) continue;
-            inputs.fingers[i] = hand->newest(followed);
-            inputs.fingers[i].time = s.world.time + s.world.solver.dt;
-            inputs.fingers[i].pose =
-                compose(compose(s.scene.recording_pose, inputs.fingers[i].pose), s.scene.finger_motions[i].fit);
-        }
+        const StepInputs inputs = next_inputs(s);
         advance(s, inputs);
+        if (record) record->record(inputs, s);
         // Rows are for results, which a live run has none of: without end, they would fill the memory.
         for (Series& series : s.finger_series) series.values.clear();
         s.step_series.values.clear();
@@ -144,14 +147,9 @@ struct LiveRun {
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     using Clock = std::chrono::steady_clock;
     ViewServer server(a.port, a.any_address);
-    std::unique_ptr<UdpHand> hand;
-    if (a.hand_port >= 0) hand = std::make_unique<UdpHand>(a.hand_port, a.hand, a.any_address);
-    LiveRun live{a, server, hand.get()};
+    LiveRun live{a, server};
     live.start();
-    const auto& motions = live.simulation->scene.finger_motions;
-    if (hand && std::none_of(motions.begin(), motions.end(), [](const auto& m) { return m.recorded_finger >= 0; }))
-        throw InputError(a.scene + ": --hand-port needs fingers that follow a hand; see scenes/recorded_hand.toml");
-    if (hand) std::printf("the %s hand is expected on UDP port %d\n", a.hand.c_str(), hand->port());
+    if (live.hands) std::printf("hands are expected from %s\n", live.hands->source->about().c_str());
     std::printf("open http://127.0.0.1:%d/   (Ctrl-C ends)\n", server.port());
     std::fflush(stdout);
     std::vector<std::uint8_t> frame;
@@ -162,7 +160,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         Simulation& s = *live.simulation;
         const bool single = live.single_steps > 0;
         if (!live.paused || single) {
-            if (!hand && s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
+            if (!live.hands && s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
             live.advance_live();
             longest_us = std::max(longest_us, 1e6 * live.simulation->world.profile.total());
             live.single_steps = single ? live.single_steps - 1 : 0;
@@ -186,11 +184,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         disarm(*live.simulation);
         std::printf("%s", hardware_report(*live.simulation).c_str());
     }
-    if (hand) {
-        const UdpHandCounts counts = hand->counts();
-        std::printf("%lld frames of the hand, %lld messages that were none%s%s\n", (long long)counts.frames,
-                    (long long)counts.malformed, counts.malformed ? ", the last: " : "", counts.last_problem.c_str());
-    }
+    if (live.hands) std::printf("%s\n", to_text(live.hands->mailbox.counts()).c_str());
     return 0;
 }
 
@@ -203,13 +197,15 @@ Action add_view_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--set", a->overrides, "override a value of the scene")->take_all()->allow_extra_args(false);
     c->add_option("--threads", a->threads, "threads (default: all cores)")->check(CLI::Range(1, 1024));
     c->add_option("--port", a->port, "port of the page (default: 8420; 0 = any free one)")->check(CLI::Range(0, 65535));
-    c->add_option("--hand-port", a->hand_port, "fingers that follow a hand follow one that arrives on this UDP port")
-        ->check(CLI::Range(0, 65535));
-    c->add_option("--hand", a->hand, "which hand (default: right)")->check(CLI::IsMember({"left", "right"}));
+    c->add_option("--tracker", a->tracker,
+                  "fingers that follow a hand follow a live one: udp:PORT, websocket:PORT, ultraleap[:HOST:PORT]");
+    c->add_option("--record", a->record,
+                  "record inputs and outcome of every step since the last start; `palpate replay` runs it again");
     c->add_flag("--arm", a->arm, "drive real thimbles; without it nothing moves");
     c->add_flag("--no-watchdog", a->no_watchdog,
                 "drive controllers that would hold their force if palpate were killed");
-    c->add_flag("--any-address", a->any_address, "let other machines watch and steer, too (default: this one only)");
+    c->add_flag("--any-address", a->any_address,
+                "let other machines watch, steer and send hands, too (default: this one only)");
     return [a, &stop] { return view_scene(*a, stop); };
 }
 

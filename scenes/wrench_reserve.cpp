@@ -12,72 +12,74 @@ namespace {
 
 Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
-/// Motions of a body, with turns scaled to lengths: columns of comparable size.
-using Directions = std::vector<Eigen::Matrix<double, 3, 6>>;
+using Vector = Eigen::VectorXd;
+using Matrix = Eigen::MatrixXd;
+
+/// A disc of the Minkowski sum: how its sample moves with the kept components.
+struct Disc {
+    double limit;
+    Eigen::Matrix<double, 3, Eigen::Dynamic> way;
+};
 
 struct Support {
     double value;
-    Motion gradient;
-    MotionMatrix curvature;
+    Vector gradient;
+    Matrix curvature;
 };
 
 /// sum r |A u| - w0 u, with lengths rounded off below `blur`.
-Support support(const std::vector<GripSample>& samples, const Directions& ways, const Motion& now, const Motion& u,
-                double blur) {
-    Support s{-now.dot(u), -now, MotionMatrix::Zero()};
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-        const Eigen::Vector3d v = ways[i] * u;
-        const double length = std::sqrt(v.squaredNorm() + blur * blur), r = samples[i].friction_limit;
-        s.value += r * length;
-        s.gradient += r / length * ways[i].transpose() * v;
+Support support(const std::vector<Disc>& discs, const Vector& now, const Vector& u, double blur) {
+    Support s{-now.dot(u), -now, Matrix::Zero(u.size(), u.size())};
+    for (const Disc& disc : discs) {
+        const Eigen::Vector3d v = disc.way * u;
+        const double length = std::sqrt(v.squaredNorm() + blur * blur);
+        s.value += disc.limit * length;
+        s.gradient += disc.limit / length * disc.way.transpose() * v;
         const Eigen::Matrix3d K = Eigen::Matrix3d::Identity() - v * v.transpose() / (length * length);
-        s.curvature += r / length * ways[i].transpose() * K * ways[i];
+        s.curvature += disc.limit / length * disc.way.transpose() * K * disc.way;
     }
     return s;
 }
 
 }  // namespace
 
-double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wrench) {
+double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wrench, const WrenchBasis& kept) {
     double total = 0, size = 1e-6;
     for (const GripSample& s : samples) total += s.friction_limit, size = std::max(size, norm(s.point));
-    Motion d = wrench;
-    d.tail<3>() /= size;
+    // In units of the whole limit and of the grip's size.
+    Motion scale;
+    scale << 1, 1, 1, 1 / size, 1 / size, 1 / size;
+    Vector d = kept.transpose() * scale.cwiseProduct(wrench);
     const double length = d.norm();
     if (!(total > 0) || !(length > 0)) return 0;
     d /= length;
-    // The discs, and the wrench they carry now, in units of the whole limit and of the grip's size.
-    Directions ways;
-    std::vector<GripSample> scaled = samples;
-    Motion now = Motion::Zero();
-    for (GripSample& s : scaled) {
-        s.friction_limit /= total;
+    std::vector<Disc> discs;
+    Vector now = Vector::Zero(kept.cols());
+    for (const GripSample& s : samples) {
         const Eigen::Vector3d n = eigen(s.normal).normalized(), x = eigen(s.point) / size;
         Eigen::Matrix<double, 3, 6> way;
         way.leftCols<3>().setIdentity();
-        way.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;  // u_t x x
-        way = (Eigen::Matrix3d::Identity() - n * n.transpose()) * way;
-        now += way.transpose() * eigen(s.friction) / total;
-        ways.push_back(way);
+        way.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;  // turning moves the sample by turn x x
+        discs.push_back({s.friction_limit / total, (Eigen::Matrix3d::Identity() - n * n.transpose()) * way * kept});
+        now += discs.back().way.transpose() * eigen(s.friction) / total;
     }
     // Least support over directions u with u d = 1: u = d + B y.
-    const Eigen::Matrix<double, 6, 6> Q = Eigen::HouseholderQR<Motion>(d).householderQ();
-    const Eigen::Matrix<double, 6, 5> B = Q.rightCols<5>();
-    Motion u = d;
-    double least = 0;
-    for (double blur = 0.3; blur > 1e-7; blur *= 0.3)
+    const Matrix Q = Eigen::HouseholderQR<Matrix>(Matrix(d)).householderQ();
+    const Matrix B = Q.rightCols(kept.cols() - 1);
+    Vector u = d;
+    double least = support(discs, now, u, 0).value;
+    for (double blur = 0.3; blur > 1e-7 && B.cols() > 0; blur *= 0.3)
         for (int k = 0; k < 50; ++k) {
-            const Support s = support(scaled, ways, now, u, blur);
+            const Support s = support(discs, now, u, blur);
             least = s.value;
-            const Eigen::Matrix<double, 5, 1> g = B.transpose() * s.gradient;
+            const Vector g = B.transpose() * s.gradient;
             if (g.norm() < 1e-10) break;
-            Eigen::Matrix<double, 5, 5> H = B.transpose() * s.curvature * B;
+            Matrix H = B.transpose() * s.curvature * B;
             H.diagonal().array() += 1e-12 + 1e-9 * H.trace();
-            const Eigen::Matrix<double, 5, 1> step = -H.ldlt().solve(g);
+            const Vector step = -H.ldlt().solve(g);
             double alpha = 1;
-            auto there = [&] { return Motion(u + alpha * (B * step)); };
-            while (alpha > 1e-12 &&
-                   support(scaled, ways, now, there(), blur).value > least + 1e-4 * alpha * g.dot(step))
+            auto there = [&] { return Vector(u + alpha * (B * step)); };
+            while (alpha > 1e-12 && support(discs, now, there(), blur).value > least + 1e-4 * alpha * g.dot(step))
                 alpha *= 0.5;
             if (alpha <= 1e-12) break;
             u = there();
@@ -98,10 +100,12 @@ GripReserve grip_reserve(const std::vector<GripSample>& samples, const Vec3<doub
     for (GripSample& s : about) s.point -= (1 / total) * middle;
     const Eigen::Vector3d n = eigen(normal).normalized();
     const Eigen::Vector3d a = n.unitOrthogonal(), b = n.cross(a);
+    WrenchBasis soft_finger = WrenchBasis::Zero(6, 3);
+    soft_finger.block<3, 1>(0, 0) = a, soft_finger.block<3, 1>(0, 1) = b, soft_finger.block<3, 1>(3, 2) = n;
     auto reserve = [&](const Eigen::Vector3d& force, const Eigen::Vector3d& torque) {
         Motion w;
         w << force, torque;
-        return wrench_reserve(about, w);
+        return wrench_reserve(about, w, soft_finger);
     };
     GripReserve r;
     r.weakest_N = 1e300;

@@ -62,7 +62,10 @@ void evaluate_all(Work& w, bool with_matrix) {
         s.bodies[b].inertia = body_inertia(w.bodies[b], s.bodies[b].target, s.bodies[b].pose, w.solver.dt);
         s.bodies[b].gradient = s.bodies[b].inertia.gradient;
         i.evaluation.energy += s.bodies[b].inertia.energy;
-        i.evaluation.force_floor = std::min(i.evaluation.force_floor, 9.81 * w.bodies[b].mass);
+        const double weight = 9.81 * w.bodies[b].mass;
+        i.evaluation.force_floor = std::min(i.evaluation.force_floor, weight);
+        // What is left unbalanced moves a light body, however hard it is gripped.
+        i.evaluation.residual_cap = std::min(i.evaluation.residual_cap, 2e-5 * weight);
     }
     for (BodyPair& p : s.pairs) {
         if (p.a < 0) continue;

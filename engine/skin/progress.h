@@ -19,7 +19,8 @@ struct Evaluation {
     R coupling_force{0};  ///< norm of the coupling's force [N]
     R limited{0};         ///< elements with an active limit
     ScalarOf<R> epsilon = std::numeric_limits<ScalarOf<R>>::epsilon();  ///< of the precision it was computed in
-    R force_floor{ScalarOf<R>(0.01)};  ///< tolerances are relative to no less than this [N]
+    R force_floor{ScalarOf<R>(0.01)};                          ///< tolerances are relative to no less than this [N]
+    R residual_cap = std::numeric_limits<ScalarOf<R>>::max();  ///< the residual may not be more than this [N]
 };
 
 namespace detail {
@@ -58,7 +59,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     d.retry = d.retry & p.active;
 
     const R scale = maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
-    const R tolerance = maximum(R(T(s.tolerance)) * scale, rounding);
+    const R tolerance = maximum(minimum(R(T(s.tolerance)) * scale, e.residual_cap), rounding);
     const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, rounding);
     const R residual = square_root(e.residual), pending = square_root(e.pending);
     const R gate =

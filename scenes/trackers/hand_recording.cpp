@@ -22,27 +22,28 @@ using Eigen::Vector3d;
     throw InputError(path.string() + ":" + std::to_string(line) + ": " + what);
 }
 
-/// y up (trackers) to z up (world).
+}  // namespace
+
 Matrix3d upright(bool y_up) {
     Matrix3d R = Matrix3d::Identity();
     if (y_up) R << 1, 0, 0, 0, 0, -1, 0, 1, 0;
     return R;
 }
 
-/// Finger pose from the distal joint and the tip, with the bone's axes (columns: x sideways, y dorsal,
-/// z proximal, as both OpenXR and Leap Motion give them).
-Pose<double> finger_pose(const Vector3d& joint, const Vector3d& tip, const Matrix3d& bone) {
+void set_finger(HandFrame& frame, int finger, const Vector3d& joint, const Vector3d& tip, const Matrix3d& bone) {
     const Vector3d distal = -bone.col(2).normalized();
     const Vector3d dorsal = (bone.col(1) - bone.col(1).dot(distal) * distal).normalized();
     Matrix3d R;
     R << distal, dorsal.cross(distal), dorsal;
     const Eigen::Quaterniond q(R);
     const Vector3d p = 0.5 * (joint + tip);
-    return {{p.x(), p.y(), p.z()}, {q.w(), q.x(), q.y(), q.z()}};
+    frame.finger[std::size_t(finger)] = {{p.x(), p.y(), p.z()}, {q.w(), q.x(), q.y(), q.z()}};
+    frame.length[std::size_t(finger)] = (tip - joint).norm();
 }
 
-void add_frame(HandRecording& recording, HandRecording::Frame frame, double time, const std::filesystem::path& path,
-               int line) {
+namespace {
+
+void add_frame(HandRecording& recording, HandFrame frame, double time, const std::filesystem::path& path, int line) {
     frame.time = time;
     if (!recording.frames.empty()) {
         const double gap = time - recording.frames.back().time;
@@ -88,6 +89,7 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
     HandRecording recording;
     const Matrix3d up = upright(true);
     double first_time = 0;
+    bool started = false;
     for (int number = 2; next_line(in, line); ++number) {
         if (line.empty()) continue;
         std::vector<std::string> cells;
@@ -97,7 +99,6 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
             refuse(path, number,
                    "expected " + std::to_string(column.size()) + " cells, found " + std::to_string(cells.size()) +
                        " (truncated?)");
-        if (cells[hand_column] != hand) continue;
         auto value = [&](int c) {
             char* end = nullptr;
             const double x = std::strtod(cells[c].c_str(), &end);
@@ -106,7 +107,10 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
                        "expected a number in cell " + std::to_string(c + 1) + ", found '" + cells[c] + "'");
             return x;
         };
-        HandRecording::Frame frame;
+        const double time = 1e-6 * value(time_column);
+        if (!started) first_time = time, started = true;
+        if (cells[hand_column] != hand) continue;
+        HandFrame frame;
         frame.valid = true;
         for (int f = 0; f < 5; ++f) {
             Vector3d joint, tip;
@@ -116,10 +120,8 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
                 tip[d] = 1e-3 * value(columns[f].tip[d]);
                 for (int k = 0; k < 3; ++k) basis(k, d) = value(columns[f].basis[3 * d + k]);
             }
-            frame.finger[f] = finger_pose(up * joint, up * tip, up * basis);
+            set_finger(frame, f, up * joint, up * tip, up * basis);
         }
-        const double time = 1e-6 * value(time_column);
-        if (recording.frames.empty()) first_time = time;
         add_frame(recording, frame, time - first_time, path, number);
     }
     return recording;
@@ -130,6 +132,7 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
     std::string line;
     HandRecording recording;
     double first_time = 0;
+    bool started = false;
     HandFrameUnits units;
     for (int number = 1; next_line(in, line); ++number) {
         if (line.empty()) continue;
@@ -137,18 +140,18 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
         if (!json.is_object())
             refuse(path, number,
                    "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");
-        if (!json.contains("joints")) {
+        if (!json.contains("joints") || json["joints"].is_string()) {  // a header
             units = {};
             if (const std::string wrong = read_units(json, units); !wrong.empty()) refuse(path, number, wrong);
             continue;
         }
-        if (json.value("hand", hand) != hand) continue;
-        HandRecording::Frame frame;
-        std::string wrong = read_hand_frame(json, units, frame);
-        if (wrong.empty() && (!json.contains("t") || !json["t"].is_number())) wrong = "expected a time \"t\"";
-        if (!wrong.empty()) refuse(path, number, wrong);
+        if (!json.contains("t") || !json["t"].is_number()) refuse(path, number, "expected a time \"t\"");
         const double time = json["t"].get<double>();
-        if (recording.frames.empty()) first_time = time;
+        if (!started) first_time = time, started = true;
+        const auto which = json.find("hand");
+        if (which != json.end() && *which != hand) continue;
+        HandFrame frame;
+        if (const std::string wrong = read_hand_frame(json, units, frame); !wrong.empty()) refuse(path, number, wrong);
         add_frame(recording, frame, time - first_time, path, number);
     }
     return recording;
@@ -167,7 +170,7 @@ std::string read_units(const nlohmann::json& json, HandFrameUnits& units) {
     return "";
 }
 
-std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandRecording::Frame& frame) {
+std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandFrame& frame) {
     const auto joints = json.find("joints"), valid = json.find("valid");
     if (joints == json.end() || !joints->is_array() || joints->size() != 26) return "expected 26 \"joints\"";
     frame.valid = valid == json.end() || (valid->is_boolean() && valid->get<bool>());
@@ -187,9 +190,8 @@ std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& un
             frame.valid = false;
             continue;
         }
-        frame.finger[std::size_t(f)] =
-            finger_pose(units.scale * (up * Vector3d(v[0])), units.scale * (up * Vector3d(v[1])),
-                        up * q.normalized().toRotationMatrix());
+        set_finger(frame, f, units.scale * (up * Vector3d(v[0])), units.scale * (up * Vector3d(v[1])),
+                   up * q.normalized().toRotationMatrix());
     }
     return "";
 }
@@ -209,14 +211,39 @@ HandRecording read_hand_recording(const std::filesystem::path& path, const std::
     return recording;
 }
 
+std::string hand_header() { return R"({"units": "m", "up": "z", "joints": "XR_EXT_hand_tracking"})"; }
+
+std::string hand_line(int hand, const HandFrame& frame) {
+    auto joints = nlohmann::json::array();
+    for (int j = 0; j < 26; ++j) joints.push_back(nlohmann::json::array());
+    for (int f = 0; f < 5; ++f) {
+        const Pose<double>& pose = frame.finger[std::size_t(f)];
+        const Mat3<double> R = rotation_matrix(pose.rotation);
+        const Vec3<double> distal = R.column(0), dorsal = R.column(2);
+        const Vec3<double> side = cross(distal, dorsal);
+        Matrix3d axes;  // x sideways, y dorsal, z proximal
+        axes << side.x, dorsal.x, -distal.x, side.y, dorsal.y, -distal.y, side.z, dorsal.z, -distal.z;
+        const Eigen::Quaterniond q(axes);
+        const std::size_t first = f == 0 ? 4 : std::size_t(4 + 5 * f);
+        for (std::size_t end : {0u, 1u}) {
+            const Vec3<double> p = pose.position + ((end ? 0.5 : -0.5) * frame.length[std::size_t(f)]) * distal;
+            joints[first + end] = {p.x, p.y, p.z, q.x(), q.y(), q.z(), q.w(), 0};
+        }
+    }
+    return nlohmann::json{{"t", frame.time}, {"hand", hand_names[std::size_t(hand)]}, {"joints", joints}}.dump();
+}
+
 TrackerPose::Sample sample_recording(const HandRecording& r, int finger, double time) {
     TrackerPose::Sample s;
     s.time = time;
-    if (r.frames.empty() || time < r.frames.front().time || time > r.frames.back().time) return s;
+    if (r.frames.empty()) return s;
+    const double first = r.frames.front().time, length = r.frames.back().time - first;
+    if (r.loop && time > first) time = first + std::fmod(time - first, length);
+    if (time < first || time > r.frames.back().time) return s;
     const auto next = std::lower_bound(r.frames.begin(), r.frames.end(), time,
-                                       [](const HandRecording::Frame& f, double t) { return f.time < t; });
-    const HandRecording::Frame& b = *next;
-    const HandRecording::Frame& a = next == r.frames.begin() ? b : *std::prev(next);
+                                       [](const HandFrame& f, double t) { return f.time < t; });
+    const HandFrame& b = *next;
+    const HandFrame& a = next == r.frames.begin() ? b : *std::prev(next);
     if (!a.valid || !b.valid || b.time - a.time > 0.1) return s;
     const double share = b.time > a.time ? (time - a.time) / (b.time - a.time) : 0;
     const Pose<double>&pa = a.finger[finger], &pb = b.finger[finger];

@@ -1,6 +1,7 @@
 #pragma once
 // Recorded hands, replayed as finger poses.
 
+#include <Eigen/Core>
 #include <array>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -12,17 +13,21 @@
 namespace palpate {
 
 inline constexpr std::array<const char*, 5> finger_names{"thumb", "index", "middle", "ring", "little"};
+inline constexpr std::array<const char*, 2> hand_names{"left", "right"};
 
-/// Poses of the five distal segments in the finger frame's convention (x distal, y radial, z to the
-/// nail), origin midway between distal joint and tip. World z up.
+/// One hand at one time: poses of the five distal segments in the finger frame's convention (x distal, y radial, z to
+/// the nail), origin midway between distal joint and tip. World z up.
+struct HandFrame {
+    double time = 0;  ///< from the first frame [s]
+    bool valid = false;
+    std::array<Pose<double>, 5> finger;
+    std::array<double, 5> length{};  ///< from distal joint to tip [m]
+};
+
 struct HandRecording {
-    struct Frame {
-        double time = 0;  ///< from the first frame [s]
-        bool valid = false;
-        std::array<Pose<double>, 5> finger;
-    };
-    std::vector<Frame> frames;
+    std::vector<HandFrame> frames;
     double largest_gap = 0;  ///< between frames [s]
+    bool loop = false;       ///< replayed again and again
 };
 
 /// Unit of length and up axis of joints.
@@ -31,18 +36,31 @@ struct HandFrameUnits {
     bool y_up = true;
 };
 
+/// World axes from a tracker's: z up, from y up where it is so.
+Eigen::Matrix3d upright(bool y_up);
+
+/// Puts a finger into a frame by its distal joint and tip [m], with the bone's axes (columns: x sideways, y dorsal,
+/// z proximal, as both OpenXR and Leap Motion give them).
+void set_finger(HandFrame& frame, int finger, const Eigen::Vector3d& joint, const Eigen::Vector3d& tip,
+                const Eigen::Matrix3d& bone);
+
 /// Takes units ("m" or "mm") and up axis ("y" or "z") from an object that names them. Returns what is wrong; empty if
 /// nothing is.
 std::string read_units(const nlohmann::json& json, HandFrameUnits& units);
 
 /// Finger poses from one object {"joints": 26 x [x, y, z, qx, qy, qz, qw, ...], "valid"}. Returns what is wrong; empty
 /// if nothing is. Does not set the frame's time.
-std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandRecording::Frame& frame);
+std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandFrame& frame);
 
 /// Reads JSON lines (a header with units and up axis, then {"t", "hand", "valid", "joints": 26 x
 /// [x, y, z, qx, qy, qz, qw, radius]}, joints ordered and oriented as in XR_EXT_hand_tracking) or the CSV of the
 /// Leap Motion recordings. `hand` is "left" or "right". Throws InputError with file and line.
 HandRecording read_hand_recording(const std::filesystem::path& path, const std::string& hand);
+
+/// First line of a recording as hand_line writes them, and a frame: the joints that a finger's pose needs, the others
+/// empty.
+std::string hand_header();
+std::string hand_line(int hand, const HandFrame& frame);
 
 /// Pose of a finger at a time, interpolated between frames; not valid outside the recording, at frames
 /// marked invalid and in gaps longer than 0.1 s.

@@ -87,6 +87,10 @@ TEST_F(SceneFiles, BodiesFrictionsAndFilters) {
     EXPECT_SAYS(with(box + "mass_g = 20\ntrack = [ { t_s = 0, position_mm = [0, 0, 0] } ]"),
                 "either a track or a mass");
     EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"thing\"\nsecond = \"chair\"\n"), "found \"chair\"");
+    EXPECT_EQ(with(box, "[[friction]]\nfirst = \"index\"\nsecond = \"thing\"\ncoefficient = 0.1\n"), "");
+    EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"index\"\nsecond = \"index\"\n"), "do not touch each other");
+    EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"thing\"\nsecond = \"thing\"\n"), "does not touch itself");
+    EXPECT_SAYS(with(box + "release_s = 1"), "only an object with mass_g");
     EXPECT_SAYS(with("kind = \"mesh\""), "needs the name of a file");
     EXPECT_SAYS(with("kind = \"mesh\"\nfile = \"nothing.obj\"\nmass_g = 5"), "no such file");
     EXPECT_SAYS(with(box, "[[object]]\nname = \"thing\"\n"), "two objects are called 'thing'");

@@ -375,11 +375,11 @@ TEST(RealData, TheRecordedHandDrivesFiveFingersToItsEnd) {
             {"recording.file=\"" + std::filesystem::absolute(data / "tracking" / "pinch_57fps.csv").string() + "\"",
              "duration_s=2.3"}),
         2);
-    ASSERT_NE(s.scene.recording, nullptr);
-    EXPECT_GT(s.scene.recording->frames.size(), 100u);
+    ASSERT_NE(s.scene.recordings[1], nullptr);
+    EXPECT_GT(s.scene.recordings[1]->frames.size(), 100u);
     const std::atomic<bool> stop{false};
     run(s, stop, {});
-    EXPECT_GE(s.world.time, s.scene.recording->frames.back().time - 0.1);
+    EXPECT_GE(s.world.time, s.scene.recordings[1]->frames.back().time - 0.1);
     for (std::size_t i = 0; i < 5; ++i) {
         EXPECT_EQ(s.finger_resets[i], 0);
         EXPECT_GT(s.world.tracker_poses[i].accepted, 100);

@@ -1,4 +1,5 @@
-// A live hand over UDP: what is understood, and what hostile or broken senders can do.
+// Live hands over UDP, WebSocket and from a Leap Motion service: what is understood, what hostile or broken senders can
+// do, and how tracked fingers are fitted to the model's.
 
 #include <arpa/inet.h>
 #include <sys/socket.h>
@@ -7,8 +8,9 @@
 #include <fstream>
 
 #include "meshes/input_error.h"
-#include "scenes/scene.h"
-#include "scenes/trackers/udp_hand.h"
+#include "scenes/grasp.h"
+#include "scenes/trackers/pinch_fit.h"
+#include "scenes/trackers/ultraleap.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -23,6 +25,8 @@ void send(int port, const std::string& text) {
     sendto(s, text.data(), text.size(), 0, reinterpret_cast<sockaddr*>(&to), sizeof to);
     close(s);
 }
+
+constexpr int left = 0, right = 1;
 
 template <class Condition>
 bool eventually(Condition condition) {
@@ -53,27 +57,30 @@ TEST(UdpHand, ALiveHandIsTheRecordedOne) {
     const HandRecording recording = read_hand_recording(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl", "right");
     const auto lines = recorded_frames();
     ASSERT_EQ(lines.size(), recording.frames.size());
-    UdpHand hand(0, "right", false);
-    EXPECT_FALSE(hand.newest(1).valid);
+    LiveHands live("udp:0");
+    HandMailbox& hand = live.mailbox;
+    EXPECT_FALSE(hand.newest(right, 1).valid);
     for (std::size_t k : {std::size_t(0), lines.size() / 2}) {
-        const auto before = hand.counts().frames;
-        send(hand.port(), lines[k]);
-        ASSERT_TRUE(eventually([&] { return hand.counts().frames > before; }));
+        const auto before = hand.counts().frames[right];
+        send(live.source->port(), lines[k]);
+        ASSERT_TRUE(eventually([&] { return hand.counts().frames[right] > before; }));
         for (int f = 0; f < 5; ++f) {
-            const TrackerPose::Sample s = hand.newest(f);
+            const TrackerPose::Sample s = hand.newest(right, f);
             EXPECT_TRUE(s.valid);
             EXPECT_EQ(s.pose.position.x, recording.frames[k].finger[f].position.x);
             EXPECT_EQ(s.pose.rotation.w, recording.frames[k].finger[f].rotation.w);
         }
     }
-    EXPECT_TRUE(eventually([&] { return !hand.newest(1).valid; }));  // silence: the hand is gone
+    EXPECT_TRUE(eventually([&] { return !hand.newest(right, 1).valid; }));  // silence: the hand is gone
 }
 
 TEST(UdpHand, BadMessagesAreCountedAndChangeNothing) {
     const std::string good = recorded_frames()[0];
-    UdpHand hand(0, "right", false);
-    send(hand.port(), good);
-    ASSERT_TRUE(eventually([&] { return hand.counts().frames == 1; }));
+    LiveHands live("udp:0");
+    HandMailbox& hand = live.mailbox;
+    const int port = live.source->port();
+    send(port, good);
+    ASSERT_TRUE(eventually([&] { return hand.counts().frames[right] == 1; }));
     const std::vector<std::string> bad{"",
                                        "{",
                                        good.substr(0, good.size() / 2),
@@ -85,15 +92,226 @@ TEST(UdpHand, BadMessagesAreCountedAndChangeNothing) {
                                        "{\"units\": 3, \"joints\": []}",
                                        std::string(60000, '['),
                                        std::string("\xff\x00\xfe", 3)};
-    for (const auto& text : bad) send(hand.port(), text);
+    for (const auto& text : bad) send(port, text);
     std::string nan = good;
     nan.replace(nan.find("[["), 2, "[[NaN,");
-    send(hand.port(), nan);
+    send(port, nan);
     // An empty datagram is no message, and one of no hand of ours is passed over.
     EXPECT_TRUE(eventually([&] { return hand.counts().malformed >= std::int64_t(bad.size()) - 1; }));
-    EXPECT_EQ(hand.counts().frames, 1);
+    EXPECT_EQ(hand.counts().frames[right], 1);
     EXPECT_FALSE(hand.counts().last_problem.empty());
-    EXPECT_THROW(UdpHand(hand.port(), "right", false), InputError);
+    EXPECT_THROW(LiveHands("udp:" + std::to_string(port)), InputError);
+}
+
+std::shared_ptr<const HandRecording> recorded(const std::filesystem::path& path) {
+    return std::make_shared<HandRecording>(read_hand_recording(path, "right"));
+}
+
+TEST(HandMailbox, CountsWhatComesLateAndTellsTheTiming) {
+    const HandRecording recording = *recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    HandMailbox mailbox;
+    mailbox.take(right, recording.frames[5], 10.0);
+    mailbox.take(right, recording.frames[6], 9.98);  // overtaken
+    EXPECT_EQ(mailbox.counts().backward, 1);
+    EXPECT_EQ(mailbox.newest(right, 1).pose.position.x, recording.frames[5].finger[1].position.x);
+    EXPECT_FALSE(mailbox.newest(left, 1).valid);
+    mailbox.take(right, recording.frames[7], 0.5);  // a tracker that was started anew
+    EXPECT_EQ(mailbox.newest(right, 1).pose.position.x, recording.frames[7].finger[1].position.x);
+    HandFrame gone = recording.frames[8];
+    gone.valid = false;
+    mailbox.take(right, gone, 0.6);
+    EXPECT_FALSE(mailbox.newest(right, 1).valid) << "the tracker sees it no more";
+    HandMailbox timed;
+    for (int k = 0; k < 20; ++k, usleep(5000)) timed.take(right, recording.frames[0], 0.01 * k);
+    const HandTiming t = timed.timing();
+    EXPECT_TRUE(t.has_clock);
+    EXPECT_GT(t.rate_Hz, 10);
+    EXPECT_LT(t.rate_Hz, 201);
+    EXPECT_GE(t.interval_ms, 5);
+    EXPECT_GE(t.delay_ms, 0);
+}
+
+/// The service's own protocol there and back: what arrives is what was recorded, at its own times.
+TEST(Ultraleap, AnEmulatedServiceGivesTheRecordedHand) {
+    std::filesystem::path file = PALPATE_SOURCE_DIR "/scenes/pinch.jsonl";
+    if (!testing::shared_data().empty()) file = testing::shared_data() / "tracking/pinch_57fps.csv";
+    const auto recording = recorded(file);
+    UltraleapEmulator service(0, {nullptr, recording}, 4, false);
+    std::mutex mutex;
+    std::vector<HandFrame> seen;
+    LiveHands live("ultraleap:127.0.0.1:" + std::to_string(service.port()), false,
+                   [&](int hand, const HandFrame& frame) {
+                       EXPECT_EQ(hand, right);
+                       const std::lock_guard lock(mutex);
+                       seen.push_back(frame);
+                   });
+    ASSERT_TRUE(eventually([&] { return service.ended(); }));
+    ASSERT_TRUE(eventually([&] {
+        return live.mailbox.counts().frames[right] == std::int64_t(recording->frames.size());
+    })) << to_text(live.mailbox.counts());
+    EXPECT_EQ(live.mailbox.counts().malformed, 0);
+    EXPECT_EQ(live.mailbox.counts().lost, 0);
+    const std::lock_guard lock(mutex);
+    ASSERT_EQ(seen.size(), recording->frames.size());
+    for (std::size_t k = 0; k < seen.size(); ++k)
+        for (std::size_t f = 0; f < 5; ++f) {
+            const Pose<double>&a = seen[k].finger[f], &b = recording->frames[k].finger[f];
+            EXPECT_LT(norm(a.position - b.position), 1e-12);
+            EXPECT_LT(norm(shorter_twice_vector(a.rotation * conjugate(b.rotation))), 1e-9);
+            EXPECT_NEAR(seen[k].length[f], recording->frames[k].length[f], 1e-12);
+        }
+}
+
+TEST(Ultraleap, ComesBackAfterTheServiceWasStartedAnew) {
+    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    auto service = std::make_unique<UltraleapEmulator>(0, std::array{recording, recording}, 1, true);
+    const int port = service->port();
+    LiveHands live("ultraleap:127.0.0.1:" + std::to_string(port));
+    ASSERT_TRUE(eventually([&] { return live.mailbox.counts().frames[left] > 5; })) << "both hands";
+    service->drop_clients();
+    ASSERT_TRUE(eventually([&] { return live.mailbox.counts().connections == 2; }));
+    service.reset();
+    EXPECT_TRUE(eventually([&] { return !live.mailbox.newest(right, 1).valid; }));
+    service = std::make_unique<UltraleapEmulator>(port, std::array{recording, recording}, 1, true);
+    EXPECT_TRUE(eventually([&] { return live.mailbox.newest(right, 1).valid; }));
+}
+
+TEST(Ultraleap, BadMessagesAreCountedAndChangeNothing) {
+    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    const nlohmann::json good = ultraleap_frame(1, 0.1, {nullptr, &recording->frames[0]});
+    HandMailbox mailbox;
+    std::int64_t last_id = -1;
+    auto take = [&](const std::string& text) { take_ultraleap(mailbox, text.data(), text.size(), last_id); };
+    take(good.dump());
+    ASSERT_EQ(mailbox.counts().frames[right], 1);
+    // What the service says beside frames is no fault.
+    take(R"({"serviceVersion": "2.3.1", "version": 6})");
+    take(R"({"event": {"type": "deviceEvent", "state": {"attached": true}}})");
+    EXPECT_EQ(mailbox.counts().malformed, 0);
+    int bad = 0;
+    auto refuse = [&](const std::string& text) {
+        take(text);
+        EXPECT_EQ(mailbox.counts().malformed, ++bad) << text.substr(0, 80);
+    };
+    for (const char* text : {"", "{", "[]", "null", "{\"hands\": 1}", "{\"hands\": []}", "\xff\xfe"}) refuse(text);
+    refuse(good.dump().substr(0, 300));
+    for (const char* path : {"/hands/0/type", "/hands/0/id", "/pointables/0/type", "/pointables/1/bases",
+                             "/pointables/2/dipPosition/0", "/pointables/3/bases/3/1", "/timestamp"})
+        for (const nlohmann::json& value : {nlohmann::json(nullptr), nlohmann::json("x"), nlohmann::json::array()}) {
+            nlohmann::json broken = good;
+            broken[nlohmann::json::json_pointer(path)] = value;
+            refuse(broken.dump());
+        }
+    EXPECT_EQ(mailbox.counts().frames[right], 1);
+    // Frames that never came are counted.
+    nlohmann::json later = good;
+    later["id"] = 5, later["timestamp"] = 200000;
+    take(later.dump());
+    EXPECT_EQ(mailbox.counts().lost, 3);
+    // A hand without all of its fingers is not seen.
+    nlohmann::json part = later;
+    part["pointables"].erase(0), part["id"] = 6, part["timestamp"] = 300000;
+    take(part.dump());
+    EXPECT_FALSE(mailbox.newest(right, 1).valid);
+}
+
+TEST(HandRecording, LinesAreReadAsTheyWereWritten) {
+    const testing::ScratchFolder folder;
+    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    {
+        std::ofstream out(folder.path / "copy.jsonl");
+        out << hand_header() << "\n";
+        for (const HandFrame& f : recording->frames) out << hand_line(right, f) << "\n";
+    }
+    const auto copy = recorded(folder.path / "copy.jsonl");
+    ASSERT_EQ(copy->frames.size(), recording->frames.size());
+    for (std::size_t k = 0; k < copy->frames.size(); ++k)
+        for (std::size_t f = 0; f < 5; ++f) {
+            const Pose<double>&a = copy->frames[k].finger[f], &b = recording->frames[k].finger[f];
+            EXPECT_LT(norm(a.position - b.position), 1e-12);
+            EXPECT_LT(norm(shorter_twice_vector(a.rotation * conjugate(b.rotation))), 1e-9);
+        }
+}
+
+TEST(HandRecording, GoesRoundAndSlowerWhereItIsAskedTo) {
+    const std::string file = PALPATE_SOURCE_DIR "/scenes/recorded_hand.toml";
+    const Scene plain = load_scene(file), slow = load_scene(file, {"recording.speed=0.5"}),
+                round = load_scene(file, {"recording.loop=true"});
+    EXPECT_EQ(tracked_pose(slow, 0, 1.0).pose.position.x, tracked_pose(plain, 0, 0.5).pose.position.x);
+    const double length = plain.recordings[right]->frames.back().time;
+    EXPECT_FALSE(tracked_pose(plain, 0, length + 0.3).valid);
+    const TrackerPose::Sample again = tracked_pose(round, 0, length + 0.3);
+    EXPECT_TRUE(again.valid);
+    EXPECT_NEAR(again.pose.position.x, tracked_pose(plain, 0, 0.3).pose.position.x, 1e-12);
+}
+
+/// Two fingers that pinch: fitted, they touch each other at the same place, pads facing.
+TEST(PinchFit, FittedFingersMeet) {
+    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    const Scene scene = load_scene(PALPATE_SOURCE_DIR "/scenes/recorded_grasp.toml");
+    const TetMesh &thumb = scene.spec.fingers[0].mesh, &index = scene.spec.fingers[1].mesh;
+    for (double thickness : {0.0, 0.01}) {
+        const PinchFit p = fit_pinch(*recording, {0, 1}, {&thumb, &index}, thickness);
+        EXPECT_GT(p.frames, 10);
+        const HandFrame& frame = *std::find_if(recording->frames.begin(), recording->frames.end(),
+                                               [&](auto& f) { return f.time >= 0.5 * (p.start + p.end); });
+        Vec3<double> touching[2], normal[2];
+        for (std::size_t k : {0u, 1u}) {
+            const Pose<double> pose = compose(frame.finger[k], p.fit[k]);
+            const Vec3<double> towards = rotation_matrix(frame.finger[k].rotation) * p.direction[k];
+            double most = -1e300;
+            for (int node : (k == 0 ? thumb : index).pad_nodes) {
+                const Point& n = (k == 0 ? thumb : index).nodes[std::size_t(node)];
+                const Vec3<double> x = transform(pose, Vec3<double>{n[0], n[1], n[2]});
+                if (dot(x, towards) > most) most = dot(x, towards), touching[k] = x;
+            }
+            normal[k] = towards;
+            // The pad looks to the other finger as far as a roll can make it.
+            const Mat3<double> R = rotation_matrix(pose.rotation);
+            EXPECT_NEAR(dot(R.column(1), towards), 0, 0.1);
+            EXPECT_LE(dot(R.column(2), towards), 0.1);
+        }
+        EXPECT_LT(dot(normal[0], normal[1]), -0.95);
+        EXPECT_NEAR(dot(touching[1] - touching[0], normal[0]), thickness, 2e-3);
+    }
+    HandRecording open = *recording;
+    for (HandFrame& f : open.frames) f.finger[0].position.x += 0.1;
+    EXPECT_THROW(fit_pinch(open, {0, 1}, {&thumb, &index}, 0), InputError);
+}
+
+/// A real hand pinched nothing while it was recorded; fitted to the model, it holds a ball until it opens.
+TEST(Tracking, ARecordedRealHandHoldsABall) {
+    const auto data = testing::shared_data();
+    if (data.empty()) GTEST_SKIP() << "the recording of a real hand is not in this checkout";
+    const testing::ScratchFolder folder;
+    const std::filesystem::path file = folder.path / "real.toml";
+    std::string text;
+    text += "duration_s = 1.75\ndt_ms = 5\n[limits]\nlow = 0.6\nhigh = 1.4\n";
+    text += "[recording]\nfile = \"" + std::filesystem::absolute(data / "tracking/pinch_57fps.csv").string() + "\"\n";
+    text += "[[object]]\nname = \"ball\"\nkind = \"sphere\"\nradius_mm = 6\nmass_g = 5\nfriction = 0.8\n";
+    text += "release_s = 0.85\n";
+    for (const char* finger : {"thumb", "index"}) {
+        const std::string name = finger;
+        text += "[[finger]]\nname = \"" + name + "\"\nshape = { finger = \"" + name + "\" }\n";
+        text += "follow = \"" + name + "\"\n";
+    }
+    std::ofstream(file) << text;
+    const Scene plain = load_scene(file);
+    const PinchFit p =
+        fit_pinch(*plain.recordings[right], {0, 1}, {&plain.spec.fingers[0].mesh, &plain.spec.fingers[1].mesh}, 0.005);
+    EXPECT_NEAR(p.gap, 0.0078, 0.0005);
+    auto scene = std::make_unique<Scene>(load_scene(file));
+    scene->tracker_pose.position = -1.0 * p.place;
+    for (std::size_t k : {0u, 1u}) scene->finger_motions[k].fit = p.fit[k];
+    Simulation simulation = make_simulation(std::move(*scene), 2);
+    run(simulation, false, {});
+    const BodySummary ball = summarise_bodies(simulation)[0];
+    EXPECT_GT(ball.held_s, 0.6);
+    EXPECT_GT(ball.dropped_at_s, 1.5) << "the hand opened";
+    EXPECT_LT(ball.slip_mm, 4);  // most of it while the hand opens
+    ASSERT_EQ(ball.grips.size(), 2u);
+    for (const GripSummary& g : ball.grips) EXPECT_GT(g.reserve.weakest_N, 0.05) << g.finger;
+    EXPECT_GT(ball.converged_share, 0.99);
 }
 
 /// A finger's `fit` moves it in the frame of the tracked one.

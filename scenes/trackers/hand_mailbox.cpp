@@ -1,0 +1,117 @@
+#include "scenes/trackers/hand_mailbox.h"
+
+#include <algorithm>
+
+namespace palpate {
+
+namespace {
+constexpr std::size_t remembered_arrivals = 1024;
+constexpr auto stale = std::chrono::milliseconds(250);
+constexpr auto timing_window = std::chrono::seconds(5);
+
+double quantile(std::vector<double>& values, double share) {
+    if (values.empty()) return 0;
+    const auto at = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
+}
+}  // namespace
+
+void HandMailbox::take(int hand, const HandFrame& frame, std::optional<double> time) {
+    {
+        const std::lock_guard lock(mutex_);
+        Hand& h = hands_[std::size_t(hand)];
+        const auto now = Clock::now();
+        // A second back is a tracker that was started anew; less is a frame that was overtaken.
+        if (time && h.time && *time<*h.time&& * time> * h.time - 1) {
+            ++counts_.backward;
+            return;
+        }
+        h = {frame, now, time};
+        if (frame.valid) ++counts_.frames[std::size_t(hand)];
+        // Both hands of one frame are one arrival.
+        if (arrivals_.empty() || !time || arrivals_.back().time != time) arrivals_.push_back({now, time});
+        if (arrivals_.size() > remembered_arrivals) arrivals_.pop_front();
+    }
+    if (listener_ && frame.valid) listener_(hand, frame);
+}
+
+void HandMailbox::count_malformed(std::string problem) {
+    const std::lock_guard lock(mutex_);
+    ++counts_.malformed;
+    counts_.last_problem = std::move(problem);
+}
+
+void HandMailbox::count_lost(std::int64_t frames) {
+    const std::lock_guard lock(mutex_);
+    counts_.lost += frames;
+}
+
+void HandMailbox::count_connection() {
+    const std::lock_guard lock(mutex_);
+    ++counts_.connections;
+}
+
+HandCounts HandMailbox::counts() const {
+    const std::lock_guard lock(mutex_);
+    return counts_;
+}
+
+HandTiming HandMailbox::timing() const {
+    std::vector<Arrival> arrivals;
+    {
+        const std::lock_guard lock(mutex_);
+        const auto oldest = Clock::now() - timing_window;
+        for (const Arrival& a : arrivals_)
+            if (a.at > oldest) arrivals.push_back(a);
+    }
+    HandTiming t;
+    if (arrivals.size() < 2) return t;
+    auto seconds = [](Clock::duration d) { return std::chrono::duration<double>(d).count(); };
+    std::vector<double> intervals, delays;
+    for (std::size_t k = 0; k < arrivals.size(); ++k) {
+        if (k > 0) intervals.push_back(1e3 * seconds(arrivals[k].at - arrivals[k - 1].at));
+        if (arrivals[k].time) delays.push_back(1e3 * (seconds(arrivals[k].at - arrivals[0].at) - *arrivals[k].time));
+    }
+    t.rate_Hz = double(intervals.size()) / seconds(arrivals.back().at - arrivals.front().at);
+    t.interval_ms = quantile(intervals, 0.5), t.interval_p95_ms = quantile(intervals, 0.95);
+    t.has_clock = delays.size() == arrivals.size();
+    if (t.has_clock) {
+        // The clocks' offset is that of the frame that came fastest.
+        const double offset = *std::min_element(delays.begin(), delays.end());
+        t.delay_ms = quantile(delays, 0.5) - offset, t.delay_p95_ms = quantile(delays, 0.95) - offset;
+    }
+    return t;
+}
+
+TrackerPose::Sample HandMailbox::newest(int hand, int finger) const {
+    const std::lock_guard lock(mutex_);
+    const Hand& h = hands_[std::size_t(hand)];
+    TrackerPose::Sample sample;
+    sample.valid = h.frame.valid && Clock::now() - h.arrived < stale;
+    sample.pose = h.frame.finger[std::size_t(finger)];
+    return sample;
+}
+
+void take_joints(HandMailbox& mailbox, const char* text, std::size_t size) {
+    const auto json = nlohmann::json::parse(text, text + size, nullptr, false);
+    if (!json.is_object()) return mailbox.count_malformed("expected a JSON object");
+    HandFrameUnits units;
+    HandFrame frame;
+    std::string wrong = read_units(json, units);
+    const auto which = json.find("hand");
+    const auto name = which == json.end() ? hand_names.begin() + 1
+                                          : std::find(hand_names.begin(), hand_names.end(),
+                                                      which->is_string() ? which->get<std::string>() : which->dump());
+    if (wrong.empty() && name == hand_names.end())
+        wrong = "hand: expected \"left\" or \"right\", found " + which->dump().substr(0, 40);
+    const auto t = json.find("t");
+    if (wrong.empty() && t != json.end() && !t->is_number()) wrong = "t: expected the time in seconds";
+    if (wrong.empty()) wrong = read_hand_frame(json, units, frame);
+    if (!wrong.empty()) return mailbox.count_malformed(std::move(wrong));
+    std::optional<double> time;
+    if (t != json.end()) time = t->get<double>();
+    mailbox.take(int(name - hand_names.begin()), frame, time);
+}
+
+}  // namespace palpate
