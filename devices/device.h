@@ -30,7 +30,8 @@ struct DeviceModel {
     double clearance = 0.0002;                                ///< eps of Perez et al. 2017, Eq. 3 [m]
     Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();  ///< device frame -> finger frame
     Coordinates rest;                                         ///< contact-free configuration w
-    std::shared_ptr<const DeviceKind> own_kind = nullptr;     ///< where a scene has defined the kind
+    double max_force = 4.7;  ///< of the platform on the finger [N]; that of chinello-3rrs, assumed of the others
+    std::shared_ptr<const DeviceKind> own_kind = nullptr;  ///< where a scene has defined the kind
 };
 
 /// Where the platform is, with derivatives with respect to w.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "devices/platform_force.h"
+
 namespace palpate {
 
 std::vector<std::string> SlewLimits::validate() const {
@@ -92,6 +94,14 @@ void initialise(ThimbleLoop& loop, const DeviceModel& model, const ThimbleLoopSe
     loop.velocity = Coordinates::Zero(loop.q.size());
 }
 
+bool use_force_mode(ThimbleLoop& loop) {
+    const Coordinates rest = torques_for_force(loop.model, loop.model.rest, loop.model.max_force);
+    loop.largest_torque = largest_torques(loop.model);
+    loop.moving_torque = limit_torque(ForceModeSettings{}.moving_share * rest.cwiseAbs(), loop.largest_torque);
+    loop.torque = loop.moving_torque;
+    return loop.driver->limit_torque(loop.torque);
+}
+
 bool tick(ThimbleLoop& loop, double now) {
     const double period = loop.settings.period;
     if (now < loop.next_tick - 1e-9) return false;
@@ -123,11 +133,17 @@ bool tick(ThimbleLoop& loop, double now) {
                                                                 : loop.q;
     s.altered += limit_command(target, loop.model.joint_min, loop.model.joint_max, loop.settings.limits, period, loop.q,
                                loop.velocity);
+    if (loop.torque.size() > 0 && s.mode != ThimbleMode::fault) {
+        const bool commanded = s.mode == ThimbleMode::following && loop.newest.torque.size() == loop.torque.size();
+        if (s.mode != ThimbleMode::holding)
+            loop.torque = limit_torque(commanded ? loop.newest.torque : loop.moving_torque, loop.largest_torque);
+        loop.driver->limit_torque(loop.torque);
+    }
     if (s.mode != ThimbleMode::fault && loop.driver->send(loop.q, now) == DriverStatus::fault) {
         s.mode = ThimbleMode::fault;  // latched until rearm
         ++s.faults;
     }
-    loop.reports.publish({loop.q, loop.driver->actual(now), s});
+    loop.reports.publish({loop.q, loop.driver->actual(now), s, loop.torque});
     return true;
 }
 

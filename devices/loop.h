@@ -47,6 +47,7 @@ struct ThimbleStatus {
 struct ThimbleReport {
     Coordinates sent, actual;  ///< [rad]
     ThimbleStatus status;
+    Coordinates torque = {};  ///< limits sent [N m]; empty in position mode
 };
 
 /// State of one thimble's loop. Plain data; `tick` advances it.
@@ -57,10 +58,12 @@ struct ThimbleLoop {
     ThimbleMailbox mailbox;
     Mailbox<ThimbleReport> reports;  ///< for one reader
     ThimbleCommand newest;
-    double newest_at = 0;     ///< when it came [s]
-    Coordinates q, velocity;  ///< sent last [rad], [rad/s]
-    Coordinates rest_q;       ///< joint angles of the rest configuration
-    double next_tick = 0;     ///< [s]
+    double newest_at = 0;                       ///< when it came [s]
+    Coordinates q, velocity;                    ///< sent last [rad], [rad/s]
+    Coordinates rest_q;                         ///< joint angles of the rest configuration
+    Coordinates torque;                         ///< limits sent last [N m]; empty in position mode
+    Coordinates largest_torque, moving_torque;  ///< in force mode: ever, and where nothing is touched [N m]
+    double next_tick = 0;                       ///< [s]
     double resting_since = -1;
     std::atomic<bool> parked = false;       ///< shutting down: rest pose whatever comes in
     std::atomic<bool> rearm_asked = false;  ///< the next tick clears a latched fault, if its cause is gone
@@ -71,6 +74,9 @@ struct ThimbleLoop {
 /// Starts at rest. Throws std::invalid_argument with sentences where the device or the settings are wrong.
 void initialise(ThimbleLoop& loop, const DeviceModel& model, const ThimbleLoopSettings& settings,
                 std::unique_ptr<Driver> driver);
+
+/// From the next tick on, joints push with limited torque. False where the driver's servos cannot.
+bool use_force_mode(ThimbleLoop& loop);
 
 /// Runs the loop up to time `now` [s]: at most one tick, and missed ones are counted, not caught up.
 /// Returns true if it ticked.

@@ -255,6 +255,7 @@ World build_world(const SceneSpec& spec) {
         m.method = t.method;
         m.settings = t.settings;
         m.period = t.period;
+        m.force_mode = t.force_mode;
         m.points.resize(spec.fingers[t.finger].mesh.pad_nodes.size());
         m.result.w = t.model.rest;
         m.result.q = t.model.kind->joints(t.model, t.model.rest).q;

@@ -41,7 +41,8 @@ struct ThimbleSpec {
     DeviceModel model;
     MatchingMethod method = MatchingMethod::constrained;
     MatchingSettings settings;
-    double period = 0.020;  ///< [s]
+    double period = 0.020;    ///< [s]
+    bool force_mode = false;  ///< position mode otherwise
 };
 
 struct SceneSpec {

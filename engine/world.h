@@ -109,6 +109,9 @@ struct Matching {
     bool fresh = false;                 ///< solved in this step
     std::vector<MatchingPoint> points;  ///< scratch, [sample]
     MatchingResult result, geometric;   ///< geometric: what force matching started from
+    bool force_mode = false;            ///< the platform is pushed with the contact's force, not to its place
+    double force_N = 0;                 ///< in force mode: commanded along the platform's normal
+    Coordinates q, torque;              ///< in force mode: what is sent [rad], [N m]
     std::int64_t solves = 0, constrained_solves = 0, failures = 0, contact_solves = 0;
 };
 

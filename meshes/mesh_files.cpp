@@ -9,7 +9,8 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
-#include "meshes/tetrahedralise.h"
+#include "meshes/mesh_quality.h"
+#include "meshes/surface.h"
 
 namespace palpate {
 

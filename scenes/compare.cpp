@@ -143,7 +143,7 @@ std::vector<std::vector<ComparedStep>> compare(Simulation& s, const CompareOptio
             for (Contestant& c : contestants[t]) {
                 if (matching.fresh) c.render(matching, wanted);
                 if (!c.servo) continue;
-                if (matching.fresh) c.servo->mailbox.publish({s.world.time, c.row.result.q, true});
+                if (matching.fresh) c.servo->mailbox.publish({s.world.time, c.row.result.q, true, 0, {}});
                 tick(*c.servo, s.world.time);
             }
             if (!matching.fresh || contact.touching == 0) continue;

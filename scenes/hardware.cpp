@@ -24,9 +24,12 @@ std::unique_ptr<BoardLink> make_board_link(const Scene& scene, const std::string
     SerialBusSettings serial;
     serial.need_watchdog = settings.need_watchdog;
     std::string driver;
-    for (const DriverSpec& d : scene.drivers) {
+    for (std::size_t t = 0; t < scene.drivers.size(); ++t) {
+        const DriverSpec& d = scene.drivers[t];
         if (controller_of(d) != controller) continue;
         driver = d.driver;
+        if (scene.spec.thimbles[t].force_mode)
+            serial.force_channels.insert(serial.force_channels.end(), d.channels.begin(), d.channels.end());
         usb.serial = d.serial;
         serial.port = d.port;
         for (std::size_t i = 0; i < d.channels.size(); ++i) {
@@ -82,6 +85,9 @@ void arm(Simulation& s, const ArmSettings& settings) {
         const DriverSpec& d = s.scene.drivers[t];
         if (const auto board = hardware->boards.find(controller_of(d)); board != hardware->boards.end())
             loop.driver = make_board_driver(board->second, d.channels, d.servos, loop.settings.limits.velocity);
+        if (s.scene.spec.thimbles[t].force_mode && !use_force_mode(loop))
+            throw InputError(s.scene.file.string() + ": the driver " + d.driver +
+                             " cannot limit the force of its servos");
         hardware->loops.push_back(&loop);
         hardware->seen.push_back({loop.q, loop.q, {}});
     }

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "devices/chain.h"
+#include "devices/platform_force.h"
 #include "meshes/input_error.h"
 
 namespace palpate {
@@ -14,6 +15,11 @@ constexpr double mm = 1e-3, ms = 1e-3, degree = std::numbers::pi / 180;
 
 const std::vector<std::string> driver_names{"simulated",      "maestro",   "maestro-dry",
                                             "maestro-serial", "dynamixel", "feetech"};
+
+/// A turn is 4,096 ticks. Torque limits, as their makers give the stall torque: XL330-M288, 0.52 N m at 1,470 mA, and
+/// 800 mA at most here; STS3215, 1.9 N m at 1,000 per mille.
+constexpr ServoCalibration dynamixel_calibration{2048, 651.9, 1024, 3072, 2827, 800};
+constexpr ServoCalibration feetech_calibration{2048, 651.9, 1024, 3072, 526, 1000};
 
 /// Which controller drives a thimble, by which channels.
 DriverSpec read_driver(Section& s, int joints, const std::filesystem::path& folder) {
@@ -33,7 +39,9 @@ DriverSpec read_driver(Section& s, int joints, const std::filesystem::path& fold
     if (serial_port && d.port.empty())
         s.complain("port", "a " + d.driver + " needs its port, for example /dev/ttyUSB0");
     if (!serial_port && s.has("port")) s.complain("port", "a " + d.driver + " is on USB; choose it by serial");
-    d.servos.assign(std::size_t(joints), bus ? ServoCalibration{2048, 651.9, 1024, 3072} : ServoCalibration{});
+    d.servos.assign(std::size_t(joints), d.driver == "dynamixel" ? dynamixel_calibration
+                                         : d.driver == "feetech" ? feetech_calibration
+                                                                 : ServoCalibration{});
     if (!file.empty()) try {
             ThimbleCalibration c = read_calibration((folder / file).lexically_normal());
             if (d.channels.empty()) d.channels = c.channels;
@@ -96,6 +104,8 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     t.model = kind == "chain" ? read_chain(s) : find_kind(kind)->defaults();
     parse_method(s.choice("method", "constrained", {"constrained", "unconstrained", "plane", "force"}), t.method);
     t.period = s.number("period_ms", 20, 1, 1000, ms);
+    t.force_mode = s.choice("mode", "position", {"position", "force"}) == "force";
+    t.model.max_force = s.number("max_force_N", t.model.max_force, 0.01, 100);
     t.settings.tolerance = s.number("tolerance", t.settings.tolerance, 1e-12, 0.1);
     t.settings.evaluations = s.integer("evaluations", t.settings.evaluations, 3, 100000);
     t.settings.smoothing = s.number("smoothing", 0, 0, 1e6);
@@ -106,6 +116,8 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     t.settings.force_iterations = s.integer("force_iterations", t.settings.force_iterations, 1, 1000);
     t.settings.net_weight = s.number("net_weight", t.settings.net_weight, 0, 1e6);
     t.settings.non_contact = s.boolean("non_contact", true);
+    if (t.force_mode && !(torques_for_force(t.model, t.model.rest, 1).norm() > 1e-9))
+        s.complain("mode", "the joints of a " + kind + " cannot push its platform along its normal");
     t.model.disk_radius = s.number("platform_radius_mm", t.model.disk_radius / mm, 0.1, 100, mm);
     t.model.clearance = s.number("clearance_mm", t.model.clearance / mm, 0, 10, mm);
     const double low = s.number("joint_min_deg", t.model.joint_min[0] / degree, -180, 180, degree);
@@ -128,6 +140,14 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     }
     for (const auto& sentence : validate(t.model)) s.complain("kind", sentence);
     scene.drivers.push_back(read_driver(s, t.model.kind->joint_count, folder));
+    const DriverSpec& driver = scene.drivers.back();
+    const bool limits_torque = std::all_of(driver.servos.begin(), driver.servos.end(),
+                                           [](const ServoCalibration& c) { return c.torque_per_Nm > 0; });
+    if (t.force_mode && (driver.driver.starts_with("maestro") || !limits_torque))
+        s.complain("mode",
+                   "a " + driver.driver +
+                       " moves its servos to places and cannot limit their force; \"force\" "
+                       "needs a dynamixel or feetech bus, calibrated with torque_per_Nm, or a simulated thimble");
     s.finish();
     scene.spec.thimbles.push_back(t);
 }
@@ -166,6 +186,8 @@ ThimbleCalibration read_calibration(const std::filesystem::path& file) {
         v.units_per_rad = s.number(unit + "_per_rad", unit == "us" ? v.units_per_rad : 651.9, -5000, 5000);
         v.min = s.number("min_" + unit, unit == "us" ? v.min : 1024, 0, 16000);
         v.max = s.number("max_" + unit, unit == "us" ? v.max : 3072, 0, 16000);
+        v.torque_per_Nm = s.number("torque_per_Nm", unit == "us" ? 0 : dynamixel_calibration.torque_per_Nm, 0, 1e5);
+        v.torque_max = s.number("torque_max", unit == "us" ? 0 : dynamixel_calibration.torque_max, 0, 32000);
         for (const auto& sentence : v.validate()) s.complain("zero_" + unit, sentence);
         s.finish();
         c.servos.push_back(v);
@@ -182,7 +204,8 @@ void write_calibration(const std::filesystem::path& file, const ThimbleCalibrati
     for (std::size_t i = 0; i < c.servos.size(); ++i)
         out << "\n[[servo]]\nchannel = " << c.channels[i] << "\nzero_" << unit << " = " << c.servos[i].zero << "\n"
             << unit << "_per_rad = " << c.servos[i].units_per_rad << "\nmin_" << unit << " = " << c.servos[i].min
-            << "\nmax_" << unit << " = " << c.servos[i].max << "\n";
+            << "\nmax_" << unit << " = " << c.servos[i].max << "\ntorque_per_Nm = " << c.servos[i].torque_per_Nm
+            << "\ntorque_max = " << c.servos[i].torque_max << "\n";
     if (!out.flush()) throw InputError(file.string() + ": cannot be written");
 }
 

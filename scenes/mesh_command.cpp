@@ -4,7 +4,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
-#include "meshes/tetrahedralise.h"
+#include "meshes/mesh_quality.h"
 #include "scenes/commands.h"
 #include "scenes/finger_mesh.h"
 

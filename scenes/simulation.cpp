@@ -25,7 +25,8 @@ std::vector<std::string> thimble_columns(const DeviceKind& kind) {
         columns.push_back(kind.configuration_names[i] + (kind.configuration_is_length[i] ? "_mm" : "_deg"));
     for (const char* what : {"q", "sent", "servo"})
         for (int j = 1; j <= kind.joint_count; ++j) columns.push_back(what + std::to_string(j) + "_deg");
-    for (const char* column : {"matching_rms_mm", "constraint_active", "contact_matched"}) columns.emplace_back(column);
+    for (const char* column : {"matching_rms_mm", "constraint_active", "contact_matched", "commanded_force_N"})
+        columns.emplace_back(column);
     return columns;
 }
 const std::vector<std::string> step_columns{
@@ -66,6 +67,7 @@ void record_finger(Simulation& s, std::size_t i) {
     out.push_back(1e3 * m.result.rms_m);
     out.push_back(m.result.constraint_active);
     out.push_back(m.result.status != MatchingStatus::no_contact);
+    out.push_back(m.force_N);
 }
 
 }  // namespace
@@ -87,6 +89,7 @@ Simulation make_simulation(Scene scene, int threads) {
         const DeviceModel& model = s.world.matchings[row].model;
         const Coordinates rest = model.kind->joints(model, model.rest).q;
         initialise(*loop, model, s.scene.loop, make_simulated_driver(s.scene.servo, rest));
+        if (s.world.matchings[row].force_mode) use_force_mode(*loop);
         s.world.device_links[row].mailbox = &loop->mailbox;
         s.loops.push_back(std::move(loop));
     }

@@ -8,7 +8,7 @@
 
 #include <Eigen/Dense>
 
-#include "meshes/tetrahedralise.h"
+#include "meshes/mesh_quality.h"
 
 namespace palpate::testing {
 

@@ -22,6 +22,8 @@ double seconds() { return std::chrono::duration<double>(Clock::now().time_since_
 }  // namespace
 
 Board::Board(std::unique_ptr<BoardLink> link) : link_(std::move(link)) {
+    for (auto& w : wanted_torque_) w = no_torque_limit;
+    sent_torque_.fill(no_torque_limit);
     std::array<WireValue, max_channels> positions{};
     const std::string problem = link_->open(positions);
     if (!problem.empty()) throw std::runtime_error(problem);
@@ -93,6 +95,8 @@ void Board::fail(const LinkProblem& problem) {
     state_.store(BoardState::lost, std::memory_order_release);
     for (auto& w : wanted_) w.store(no_pulse, std::memory_order_release);
     for (auto& s : sent_) s.store(no_pulse, std::memory_order_release);
+    for (auto& w : wanted_torque_) w.store(no_torque_limit, std::memory_order_release);
+    sent_torque_.fill(no_torque_limit);
     link_->close();
 }
 
@@ -109,6 +113,21 @@ bool Board::open_again() {
     ++opened_;
     back_ = true;
     return true;
+}
+
+void Board::write_changed_torques() {
+    std::array<ChannelTarget, max_channels> limits;
+    std::size_t count = 0;
+    for (int channel = 0; channel < max_channels; ++channel) {
+        const auto c = std::size_t(channel);
+        const WireValue wanted = wanted_torque_[c].load(std::memory_order_acquire);
+        if (wanted != no_torque_limit && wanted != sent_torque_[c]) limits[count++] = {channel, wanted};
+    }
+    if (count == 0) return;
+    const std::span<const ChannelTarget> changed(limits.data(), count);
+    if (const LinkProblem problem = link_->write_torques(changed)) return fail(problem);
+    for (const ChannelTarget& t : changed) sent_torque_[std::size_t(t.channel)] = t.value;
+    ++writes_;
 }
 
 /// Sends what is not yet where it is wanted. Returns whether a speed limit held something back.
@@ -178,6 +197,7 @@ void Board::serve() {
         if (!last) ::poll(&wake, 1, int((held_back ? catch_up_period : feed_period).count()));
         std::uint64_t count;
         [[maybe_unused]] const auto got = ::read(wake_fd_, &count, sizeof count);
+        if (state() == BoardState::ready) write_changed_torques();  // before what they are to push with
         if (state() == BoardState::ready) {
             held_back = write_changed();
             if (state() == BoardState::ready && Clock::now() >= next_feed) {
@@ -217,6 +237,16 @@ class BoardDriver final : public Driver {
             q[std::ptrdiff_t(i)] = at == no_pulse ? NAN : angle_of(servos_[i], board_->steps_per_unit(), at);
         }
         return q;
+    }
+
+    bool limit_torque(const Coordinates& torque) override {
+        for (std::size_t i = 0; i < channels_.size(); ++i) {
+            const double t = std::ptrdiff_t(i) < torque.size() ? torque[std::ptrdiff_t(i)] : 0;
+            const WireValue value = torque_value(servos_[i], t);
+            if (value == no_torque_limit) return false;
+            board_->set_torque(channels_[i], value);
+        }
+        return true;
     }
 
     bool rearm() override { return board_->rearm(); }

@@ -40,6 +40,8 @@ class BoardLink {
     virtual void close() = 0;
     /// Sends targets. `arrived` [as targets] becomes 1 for those that did.
     virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) = 0;
+    /// Sends torque limits, where the servos have them.
+    virtual LinkProblem write_torques(std::span<const ChannelTarget> /*limits*/) { return {}; }
     /// Keeps the controller's watchdog from biting, and asks how it is.
     virtual LinkProblem feed() = 0;
     /// Positions as measured, where servos report them; leaves the others alone.
@@ -69,6 +71,10 @@ class Board {
     void limit(int channel, const WireLimits& limits);
     /// The newest target of a channel; sent by the thread after wake(). Never waits.
     void set(int channel, WireValue value) { wanted_[std::size_t(channel)].store(value, std::memory_order_release); }
+    /// The newest torque limit of a channel, as `set`; sent before the targets.
+    void set_torque(int channel, WireValue value) {
+        wanted_torque_[std::size_t(channel)].store(value, std::memory_order_release);
+    }
     void wake();
     /// Waits until all targets were sent, for 200 ms at most.
     void drain() const;
@@ -86,12 +92,15 @@ class Board {
     bool open_again();
     void take_positions(std::span<const WireValue> positions);
     bool write_changed();
+    void write_changed_torques();
     void fail(const LinkProblem& problem);
     void feed();
 
     std::unique_ptr<BoardLink> link_;
     std::array<std::atomic<WireValue>, max_channels> wanted_{}, position_{};
     std::array<std::atomic<WireValue>, max_channels> sent_{};
+    std::array<std::atomic<WireValue>, max_channels> wanted_torque_{};
+    std::array<WireValue, max_channels> sent_torque_{};
     std::array<WireLimits, max_channels> limits_{};  ///< guarded by limits_mutex_
     std::array<Told, max_channels> told_{};
     mutable std::mutex limits_mutex_;

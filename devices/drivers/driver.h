@@ -15,6 +15,8 @@ class Driver {
     virtual DriverStatus send(const Coordinates& q, double now) = 0;
     /// Angles that the servos are at, as far as the driver knows [rad].
     virtual Coordinates actual(double now) = 0;
+    /// Most that each joint may push with from the next send() on [N m]. False where the servos cannot limit it.
+    virtual bool limit_torque(const Coordinates& /*torque*/) { return false; }
     /// Ends a fault, if its cause is gone; false if it is not.
     virtual bool rearm() { return true; }
 };

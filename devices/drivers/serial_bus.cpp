@@ -113,6 +113,13 @@ class SerialBus final : public BoardLink {
     }
 
     void close() override {
+        // The servos keep their mode: back to plain positions, let go, for whoever uses them next.
+        if (line_.is_open() && settings_.protocol == SerialProtocol::dynamixel)
+            for (int c : settings_.force_channels) {
+                const auto id = std::uint8_t(c);
+                line_.write(dynamixel::write_register(id, dynamixel::torque_enable, 1, 0));
+                line_.write(dynamixel::write_register(id, dynamixel::operating_mode, 1, dynamixel::plain_position));
+            }
         line_.close();
         reader_.clear();
     }
@@ -125,6 +132,13 @@ class SerialBus final : public BoardLink {
         const LinkProblem problem = line_.write(bytes);
         if (!problem) std::fill(arrived.begin(), arrived.end(), char(1));
         return problem;
+    }
+
+    LinkProblem write_torques(std::span<const ChannelTarget> limits) override {
+        if (!line_.is_open()) return {"the serial port is not open", true};
+        if (!measures) return {"a Maestro cannot limit the force of its servos", true};
+        return line_.write(settings_.protocol == SerialProtocol::dynamixel ? dynamixel::write_torques(limits)
+                                                                           : feetech::write_torques(limits));
     }
 
     LinkProblem feed() override try {
@@ -182,6 +196,7 @@ class SerialBus final : public BoardLink {
             if (settings_.protocol == SerialProtocol::dynamixel) {
                 const auto velocity = std::uint32_t(std::ceil(ticks / 4096 * 60 / 0.229));  // 0.229 turns a minute
                 must(line_.write(dynamixel::write_register(id, dynamixel::bus_watchdog, 1, 0)));
+                if (limits_force(c)) prepare_force(id);
                 if (ticks > 0)
                     must(line_.write(dynamixel::write_register(id, dynamixel::profile_velocity, 4, velocity)));
                 must(line_.write(dynamixel::write_register(id, dynamixel::torque_enable, 1, 1)));
@@ -192,6 +207,33 @@ class SerialBus final : public BoardLink {
                 must(line_.write(feetech::write_register(id, feetech::torque_enable, 1, 1)));
             }
         }
+    }
+
+    bool limits_force(int channel) const {
+        const auto& f = settings_.force_channels;
+        return std::find(f.begin(), f.end(), channel) != f.end();
+    }
+    /// Position with limited current: a mode that not every servo has. No force before the first limit comes.
+    void prepare_force(std::uint8_t id) {
+        must(line_.write(dynamixel::write_register(id, dynamixel::torque_enable, 1, 0)));
+        must(line_.write(
+            dynamixel::write_register(id, dynamixel::operating_mode, 1, dynamixel::current_based_position)));
+        must(line_.write(dynamixel::write_register(id, dynamixel::goal_current, 2, 0)));
+        must(line_.write(dynamixel::read_register(id, dynamixel::operating_mode, 1)));
+        const auto end = Clock::now() + std::chrono::milliseconds(60);
+        while (true) {
+            const Bytes bytes = line_.read(end);
+            if (bytes.empty()) break;
+            reader_.add(bytes);
+            while (const auto p = reader_.next())
+                if (p->id == id && p->parameters.size() == 1) {
+                    if (p->parameters[0] == dynamixel::current_based_position) return;
+                    throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) +
+                                             " has no current-based position mode, which mode = \"force\" needs");
+                }
+        }
+        throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) +
+                                 " does not tell its operating mode");
     }
 
     SerialBusSettings settings_;

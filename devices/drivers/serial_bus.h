@@ -12,8 +12,9 @@ struct SerialBusSettings {
     std::string port;  ///< for example /dev/ttyUSB0
     int baud = 0;      ///< 0: the protocol's usual one (57600; Feetech 1000000)
     std::vector<int> channels;
-    double speed_units_per_s = 0;  ///< the servos' own speed limit; 0: none
-    bool need_watchdog = true;     ///< refuse what has no watchdog
+    std::vector<int> force_channels;  ///< of thimbles in force mode: their torque is limited
+    double speed_units_per_s = 0;     ///< the servos' own speed limit; 0: none
+    bool need_watchdog = true;        ///< refuse what has no watchdog
 };
 
 std::unique_ptr<BoardLink> make_serial_bus(const SerialBusSettings& settings);

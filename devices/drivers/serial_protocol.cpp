@@ -81,16 +81,22 @@ Bytes read_register(std::uint8_t id, int address, int size) {
     return instruction(id, read, p);
 }
 
-Bytes write_targets(std::span<const ChannelTarget> targets) {
+namespace {
+/// One register of several servos.
+Bytes write_all(int address, int size, std::span<const ChannelTarget> values) {
     Bytes p;
-    append(p, goal_position, 2);
-    append(p, 4, 2);
-    for (const ChannelTarget& t : targets) {
-        p.push_back(std::uint8_t(t.channel));
-        append(p, t.value, 4);
+    append(p, std::uint32_t(address), 2);
+    append(p, std::uint32_t(size), 2);
+    for (const ChannelTarget& v : values) {
+        p.push_back(std::uint8_t(v.channel));
+        append(p, v.value, size);
     }
     return instruction(broadcast, sync_write, p);
 }
+}  // namespace
+
+Bytes write_targets(std::span<const ChannelTarget> targets) { return write_all(goal_position, 4, targets); }
+Bytes write_torques(std::span<const ChannelTarget> limits) { return write_all(goal_current, 2, limits); }
 
 Bytes read_positions(std::span<const int> channels) {
     Bytes p;
@@ -123,14 +129,20 @@ Bytes read_register(std::uint8_t id, int address, int size) {
     return instruction(id, 2, Bytes{std::uint8_t(address), std::uint8_t(size)});
 }
 
-Bytes write_targets(std::span<const ChannelTarget> targets) {
-    Bytes p{goal_position, 2};
-    for (const ChannelTarget& t : targets) {
-        p.push_back(std::uint8_t(t.channel));
-        append(p, t.value, 2);
+namespace {
+/// One register of two bytes of several servos.
+Bytes write_all(int address, std::span<const ChannelTarget> values) {
+    Bytes p{std::uint8_t(address), 2};
+    for (const ChannelTarget& v : values) {
+        p.push_back(std::uint8_t(v.channel));
+        append(p, v.value, 2);
     }
     return instruction(0xFE, 0x83, p);
 }
+}  // namespace
+
+Bytes write_targets(std::span<const ChannelTarget> targets) { return write_all(goal_position, targets); }
+Bytes write_torques(std::span<const ChannelTarget> limits) { return write_all(torque_limit, limits); }
 
 Bytes read_positions(std::span<const int> channels) {
     Bytes p{present_position, 2};

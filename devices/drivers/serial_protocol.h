@@ -22,8 +22,10 @@ Bytes get_errors();               ///< the same; clears them
 }  // namespace compact
 
 namespace dynamixel {
-inline constexpr int torque_enable = 64, bus_watchdog = 98, profile_velocity = 112, goal_position = 116,
-                     present_position = 132;
+inline constexpr int operating_mode = 11, torque_enable = 64, bus_watchdog = 98, goal_current = 102,
+                     profile_velocity = 112, goal_position = 116, present_position = 132;
+/// Operating modes: a position; a position with a limited current.
+inline constexpr std::uint32_t plain_position = 3, current_based_position = 5;
 inline constexpr std::uint8_t ping = 1, read = 2, write = 3, sync_read = 0x82, sync_write = 0x83, broadcast = 0xFE;
 /// CRC-16 (polynomial 0x8005) of a packet without its last two bytes.
 std::uint16_t crc(std::span<const std::uint8_t> bytes);
@@ -33,15 +35,17 @@ Bytes instruction(std::uint8_t id, std::uint8_t what, std::span<const std::uint8
 Bytes write_register(std::uint8_t id, int address, int size, std::uint32_t value);
 Bytes read_register(std::uint8_t id, int address, int size);
 Bytes write_targets(std::span<const ChannelTarget> targets);
+Bytes write_torques(std::span<const ChannelTarget> limits);
 Bytes read_positions(std::span<const int> channels);
 }  // namespace dynamixel
 
 namespace feetech {
-inline constexpr int torque_enable = 40, goal_position = 42, goal_speed = 46, present_position = 56;
+inline constexpr int torque_enable = 40, goal_position = 42, goal_speed = 46, torque_limit = 48, present_position = 56;
 Bytes instruction(std::uint8_t id, std::uint8_t what, std::span<const std::uint8_t> parameters);
 Bytes write_register(std::uint8_t id, int address, int size, std::uint32_t value);
 Bytes read_register(std::uint8_t id, int address, int size);
 Bytes write_targets(std::span<const ChannelTarget> targets);
+Bytes write_torques(std::span<const ChannelTarget> limits);
 Bytes read_positions(std::span<const int> channels);
 }  // namespace feetech
 

@@ -15,6 +15,9 @@ std::vector<std::string> ServoCalibration::validate() const {
     if (!(zero >= min && zero <= max))
         wrong.push_back("a servo's zero must lie in its range, found " + text(zero) + " outside " + text(min) + " to " +
                         text(max));
+    if (!(torque_per_Nm >= 0 && torque_per_Nm <= 1e5 && torque_max >= 0 && torque_max <= 32000))
+        wrong.push_back("a servo's torque limit takes 0 to 100000 units per N m, and 0 to 32000 units at most, found " +
+                        text(torque_per_Nm) + " and " + text(torque_max));
     return wrong;
 }
 
@@ -29,6 +32,13 @@ WireValue wire_value(const ServoCalibration& servo, double steps_per_unit, doubl
     if (!std::isfinite(angle)) return no_pulse;
     const double value = std::round((servo.zero + servo.units_per_rad * angle) * steps_per_unit);
     return WireValue(std::clamp(value, lowest(servo, steps_per_unit), highest(servo, steps_per_unit)));
+}
+
+WireValue torque_value(const ServoCalibration& servo, double torque) {
+    if (!(servo.torque_per_Nm > 0) || !(servo.torque_max >= 0)) return no_torque_limit;
+    const double most = std::min(std::floor(servo.torque_max), 32000.0);
+    const double value = std::isfinite(torque) ? std::round(torque * servo.torque_per_Nm) : 0;
+    return WireValue(std::clamp(value, 0.0, most));
 }
 
 WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, double speed_rad_per_s) {

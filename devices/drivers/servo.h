@@ -12,6 +12,8 @@ struct ServoCalibration {
     double zero = 1500;             ///< at joint angle 0 [units]
     double units_per_rad = 636.62;  ///< negative where the servo turns the other way; 1000 us for 90 degrees
     double min = 992, max = 2000;   ///< what may ever be sent [units]
+    double torque_per_Nm = 0;       ///< torque limit of 1 N m [the servo's units]; 0: it has none
+    double torque_max = 0;          ///< what may ever be sent as torque limit [the servo's units]
     std::vector<std::string> validate() const;
 };
 
@@ -23,6 +25,11 @@ inline constexpr WireValue no_pulse = 0;  ///< "no target": no controller here d
 WireValue wire_value(const ServoCalibration& servo, double steps_per_unit, double angle);
 /// Angle that a value on the wire means [rad].
 double angle_of(const ServoCalibration& servo, double steps_per_unit, WireValue value);
+
+inline constexpr WireValue no_torque_limit = 0xFFFF;  ///< nothing is to be sent
+/// The last function before the wire for a torque limit [N m]: 0 to torque_max whatever comes in, 0 for what is not
+/// finite; no_torque_limit where the servo has none.
+WireValue torque_value(const ServoCalibration& servo, double torque);
 
 /// What a channel may ever be sent.
 struct WireLimits {

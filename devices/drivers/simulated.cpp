@@ -36,6 +36,8 @@ class SimulatedDriver final : public Driver {
         return DriverStatus::ok;
     }
 
+    bool limit_torque(const Coordinates&) override { return true; }  // nothing here pushes back
+
     Coordinates actual(double now) override {
         advance(now);
         return angle_;

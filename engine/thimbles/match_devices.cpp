@@ -1,10 +1,26 @@
 #include <oneapi/tbb/parallel_for.h>
 
+#include "devices/platform_force.h"
 #include "engine/systems.h"
 
 namespace palpate {
 
 namespace {
+
+/// The force on the finger along the platform's normal, as joint torques; and a place beyond the contact, at which the
+/// platform would arrive if nothing held it.
+void command_force(const ContactSurface& surface, Matching& m) {
+    const ForceModeSettings settings;
+    const bool touches = m.result.status != MatchingStatus::no_contact;
+    const Eigen::Vector3d normal = m.model.kind->platform(m.model, m.result.w).normal;
+    const Vec3<double> f = transposed_times(rotation_matrix(surface.bone.rotation), surface.total);
+    const Eigen::Vector3d on_finger = m.model.mount.linear().transpose() * Eigen::Vector3d(f.x, f.y, f.z);
+    m.force_N = touches ? std::clamp(on_finger.dot(normal), 0.0, m.model.max_force) : 0;
+    const Coordinates aim = touches ? pressed_on(m.model, m.result.w, settings.press) : m.result.w;
+    m.q = m.model.kind->joints(m.model, aim).q;
+    m.torque = torques_for_force(m.model, m.result.w, touches ? m.force_N : settings.moving_share * m.model.max_force)
+                   .cwiseAbs();
+}
 
 void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces) {
     const Eigen::Isometry3d to_device = m.model.mount.inverse();
@@ -24,6 +40,7 @@ void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces)
         }
         m.result = match_forces(*forces, m.model, m.settings, m.geometric);
     }
+    if (m.force_mode) command_force(surface, m);
     ++m.solves;
     m.contact_solves += m.result.status != MatchingStatus::no_contact;
     m.constrained_solves += m.result.status != MatchingStatus::no_contact && m.result.constraint_active;
@@ -54,7 +71,11 @@ void publish(const Table<Matching>& matchings, double time, double sampled_at, T
     for (std::size_t row = 0; row < links.size(); ++row) {
         const Matching* m = matchings.find(links.owner(row));
         if (!m || !m->fresh || !links[row].mailbox) continue;
-        links[row].mailbox->publish({time, m->result.q, m->result.status != MatchingStatus::kept, sampled_at});
+        const bool valid = m->result.status != MatchingStatus::kept;
+        if (m->force_mode)
+            links[row].mailbox->publish({time, m->q, valid, sampled_at, m->torque});
+        else
+            links[row].mailbox->publish({time, m->result.q, valid, sampled_at});
     }
 }
 

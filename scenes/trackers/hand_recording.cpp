@@ -67,7 +67,8 @@ HandRecording read_csv(const std::filesystem::path& path, const std::string& han
     if (!next_line(in, line)) refuse(path, 1, "the file is empty");
     std::map<std::string, int> column;
     std::istringstream head(line);
-    for (int i = 0; std::getline(head, cell, ','); ++i) column[cell] = i;
+    for (int i = 0; std::getline(head, cell, ','); ++i)
+        if (!column.try_emplace(cell, i).second) refuse(path, 1, "two columns are called '" + cell + "'");
     auto need = [&](const std::string& name) {
         const auto it = column.find(name);
         if (it == column.end()) refuse(path, 1, "column '" + name + "' is missing");

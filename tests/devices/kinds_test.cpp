@@ -5,6 +5,7 @@
 #include <random>
 
 #include "devices/device.h"
+#include "devices/platform_force.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -50,6 +51,36 @@ TEST_P(EveryKind, DerivativesAgreeWithDifferences) {
                 1e-6);
         }
     }
+}
+
+/// Virtual work: what the joints' torques do is what the force does on the platform.
+TEST_P(EveryKind, TorquesPushThePlatformWithTheForce) {
+    std::mt19937 random(2);
+    std::normal_distribution<double> n;
+    const DeviceModel m = kind().defaults();
+    const Coordinates largest = largest_torques(m);
+    ASSERT_TRUE(largest.allFinite());
+    int checked = 0;
+    for (int trial = 0; trial < 200; ++trial) {
+        const Coordinates w = random_inside(random, m);
+        const Platform p = kind().platform(m, w);
+        const Joints j = kind().joints(m, w);
+        if (j.dq.fullPivLu().rcond() < 1e-4) continue;  // singular: a force takes any torque
+        ++checked;
+        const Coordinates torque = torques_for_force(m, w, 3.0);
+        Coordinates dw(w.size());
+        for (int k = 0; k < dw.size(); ++k) dw[k] = n(random) * kind().configuration_scale[k];
+        const double by_joints = torque.dot(j.dq * dw), by_force = 3.0 * p.normal.dot(p.dcentre * dw);
+        EXPECT_NEAR(by_joints, by_force, 1e-9 * std::max(1e-3, std::abs(by_force)));
+        // Pressed on: no farther than asked for, inside the limits, and with nearly the same tilt.
+        const Coordinates there = pressed_on(m, w, 0.002);
+        EXPECT_TRUE(inside_workspace(m, there, 1e-9));
+        const Platform q = kind().platform(m, there);
+        EXPECT_LT((q.centre - p.centre).norm(), 0.003);
+        EXPECT_GT(p.normal.dot(q.centre - p.centre), -1e-6);
+        EXPECT_GT(p.normal.dot(q.normal), std::cos(5 * degree));
+    }
+    EXPECT_GT(checked, 100);
 }
 
 TEST_P(EveryKind, RestIsInsideAndDefaultsAreValid) {

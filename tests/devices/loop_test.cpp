@@ -5,6 +5,7 @@
 
 #include "devices/drivers/simulated.h"
 #include "devices/loop.h"
+#include "devices/platform_force.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -22,6 +23,11 @@ class SpyDriver final : public Driver {
         return DriverStatus::ok;
     }
     Coordinates actual(double) override { return sent_.empty() ? Coordinates::Zero(3) : sent_.back(); }
+    bool limit_torque(const Coordinates& torque) override {
+        torques.push_back(torque);
+        return true;
+    }
+    std::vector<Coordinates> torques;
 
   private:
     std::vector<Coordinates>& sent_;
@@ -38,6 +44,63 @@ struct Bench {
         loop.mailbox.publish({time, loop.model.kind->joints(loop.model, w).q, valid});
     }
 };
+
+TEST(ForceMode, AnyTorqueIsFiniteAndNoMoreThanTheLargest) {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const double special[] = {NAN, INFINITY, -INFINITY, 1e300, -1e300, 0, -0.0};
+    const ServoCalibration servo{2048, 651.9, 1024, 3072, 2827, 800};
+    for (int i = 0; i < 300000; ++i) {
+        Coordinates torque(3), largest(3);
+        for (int k = 0; k < 3; ++k) {
+            torque[k] = i % 3 == 0 ? special[random() % 7] : u(random);
+            largest[k] = i % 7 == 0 ? special[random() % 7] : 0.2 * std::abs(u(random));
+        }
+        const Coordinates limited = limit_torque(torque, largest);
+        for (int k = 0; k < 3; ++k) {
+            ASSERT_TRUE(std::isfinite(limited[k]) && limited[k] >= 0);
+            ASSERT_LE(limited[k], std::isfinite(largest[k]) ? std::max(0.0, largest[k]) : 0);
+            ASSERT_LE(torque_value(servo, torque[k]), 800);
+            ASSERT_LE(torque_value(servo, limited[k]), 800);
+        }
+    }
+    EXPECT_EQ(torque_value(servo, 0.1), 283);
+    EXPECT_EQ(torque_value(servo, NAN), 0);
+    EXPECT_EQ(torque_value(ServoCalibration{}, 0.1), no_torque_limit);
+    EXPECT_EQ(limit_torque({}, Coordinates::Ones(3)).size(), 0);
+}
+
+TEST(ForceMode, TheLoopPushesWithTheCommandsTorqueAndMovesGentlyWithoutOne) {
+    Bench bench;
+    auto& spy = static_cast<SpyDriver&>(*bench.loop.driver);
+    ASSERT_TRUE(use_force_mode(bench.loop));
+    const Coordinates moving = bench.loop.moving_torque;
+    EXPECT_GT(moving.minCoeff(), 0);
+    EXPECT_LT(moving.maxCoeff(), bench.loop.largest_torque.maxCoeff());
+    auto command = [&](double time, const Coordinates& torque) {
+        const Coordinates q = bench.loop.model.kind->joints(bench.loop.model, bench.loop.model.rest).q;
+        bench.loop.mailbox.publish({time, q, true, 0, torque});
+        tick(bench.loop, time);
+    };
+    const Coordinates push = Eigen::Vector3d(0.005, 0.01, 0.015);
+    command(0.02, push);
+    EXPECT_EQ(spy.torques.back(), push);
+    command(0.04, Eigen::Vector3d(NAN, 1e9, -1));
+    EXPECT_EQ(spy.torques.back()[0], 0);
+    EXPECT_EQ(spy.torques.back()[1], bench.loop.largest_torque[1]);
+    EXPECT_EQ(spy.torques.back()[2], 0);
+    command(0.06, push);
+    tick(bench.loop, 0.13);  // nothing new for 70 ms: held, as it was
+    EXPECT_EQ(bench.loop.status.mode, ThimbleMode::holding);
+    EXPECT_EQ(spy.torques.back(), push);
+    tick(bench.loop, 0.30);  // and then to rest
+    EXPECT_EQ(bench.loop.status.mode, ThimbleMode::resting);
+    EXPECT_EQ(spy.torques.back(), moving);
+    ThimbleLoop simulated;
+    const Coordinates rest = device().kind->joints(device(), device().rest).q;
+    initialise(simulated, device(), {}, make_simulated_driver({}, rest));
+    EXPECT_TRUE(use_force_mode(simulated));
+}
 
 TEST(LimitCommand, AnySequenceStaysFiniteInRangeAndSlewLimited) {
     std::mt19937 random(1);

@@ -6,6 +6,7 @@
 #include "meshes/finger_shape.h"
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/mesh_quality.h"
 #include "meshes/remesh.h"
 #include "meshes/tetrahedralise.h"
 #include "scenes/finger_mesh.h"
@@ -98,6 +99,64 @@ TEST_F(SurfaceFiles, TruncatedBinaryAndHeadersThatLieAreRefused) {
         off += std::string("3 ") + f + "\n";
     EXPECT_EQ(refusal("cube.off", off), "");
     EXPECT_NE(refusal("cut.off", off.substr(0, off.size() - 30)), "");
+}
+
+/// A cube in every way in which PLY and OFF say it, and what OpenMesh's readers take for one, or never leave.
+TEST_F(SurfaceFiles, PlyAndOffAreLookedThroughBeforeTheyAreRead) {
+    const std::vector<std::array<float, 3>> corners{{0, 0, 0},  {20, 0, 0},  {20, 20, 0},  {0, 20, 0},
+                                                    {0, 0, 20}, {20, 0, 20}, {20, 20, 20}, {0, 20, 20}};
+    const std::vector<std::array<int, 4>> sides{{0, 3, 2, 1}, {4, 5, 6, 7}, {0, 1, 5, 4},
+                                                {1, 2, 6, 5}, {2, 3, 7, 6}, {3, 0, 4, 7}};
+    const std::string properties =
+        "element vertex 8\nproperty float x\nproperty float y\nproperty float z\nelement face 6\nproperty list uchar "
+        "int "
+        "vertex_indices\nend_header\n";
+    std::string text = "ply\nformat ascii 1.0\ncomment a cube\n" + properties;
+    std::string little = "ply\nformat binary_little_endian 1.0\n" + properties;
+    std::string big = "ply\nformat binary_big_endian 1.0\n" + properties;
+    auto put = [&](const void* value) {
+        const char* p = static_cast<const char*>(value);
+        little.append(p, 4);
+        for (int k = 3; k >= 0; --k) big += p[k];
+    };
+    for (const auto& c : corners)
+        for (int k = 0; k < 3; ++k) {
+            put(&c[std::size_t(k)]);
+            text.append(std::to_string(c[std::size_t(k)])).append(k < 2 ? " " : "\n");
+        }
+    for (const auto& f : sides) {
+        little += '\4', big += '\4';
+        text.append("4");
+        for (int i : f) put(&i), text.append(" ").append(std::to_string(i));
+        text.append("\n");
+    }
+    EXPECT_EQ(refusal("text.ply", text), "");
+    EXPECT_EQ(refusal("little.ply", little), "");
+    EXPECT_EQ(refusal("big.ply", big), "");
+    auto with = [](std::string s, const std::string& from, const std::string& to) {
+        return s.replace(s.find(from), from.size(), to);
+    };
+    for (const std::string& whole : {text, little, big})
+        for (std::size_t cut : {3u, 10u, 40u}) EXPECT_NE(refusal("cut.ply", whole.substr(0, whole.size() - cut)), "");
+    EXPECT_REFUSED(refusal("key.ply", with(text, "element face", "elephant face")),
+                   "line 8 is no line of a PLY header");
+    EXPECT_REFUSED(refusal("format.ply", with(text, "ascii 1.0", "asci 1ertex 4")), "line 2 is no line");
+    EXPECT_REFUSED(refusal("type.ply", with(text, "float y", "flaot y")), "line 6 is no line");
+    EXPECT_REFUSED(refusal("twice.ply", with(text, "element face 6", "element vertex 6")), "line 8");
+    EXPECT_REFUSED(refusal("endless.ply", with(text, "end_header", "endheader")), "line 10 is no line");
+    EXPECT_REFUSED(refusal("index.ply", with(text, "4 0 3 2 1", "4 0 3 2 9")),
+                   "line 19: expected a vertex that exists");
+    EXPECT_REFUSED(refusal("corners.ply", with(text, "4 0 3 2 1", "2 0 3")), "at least three");
+    EXPECT_REFUSED(refusal("nan.ply", with(text, "20.0", "nan.")), "finite");
+    EXPECT_REFUSED(refusal("list.ply", with(text, "vertex_indices", "corner_numbers")), "no list 'vertex_indices'");
+    std::string huge = little;
+    huge[little.size() - 17] = '\xff';
+    EXPECT_REFUSED(refusal("huge.ply", huge), "ends before");
+    const std::string off = "OFF\n4 4 0\n0 0 0\n20 0 0\n0 20 0\n0 0 20\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+    EXPECT_EQ(refusal("tetrahedron.off", off), "");
+    EXPECT_REFUSED(refusal("face.off", with(off, "3 0 3 2", "314444444444444444 0 3 2")), "line 9: expected a face's");
+    EXPECT_REFUSED(refusal("vertex.off", with(off, "3 0 3 2", "3 0 3 -2")), "a vertex that exists");
+    EXPECT_REFUSED(refusal("binary.off", with(off, "OFF", "OFF BINARY")), "expected 'OFF' alone");
 }
 
 TEST(Finger, ShapesAreClosedSoundAndSymmetric) {

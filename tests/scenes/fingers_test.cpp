@@ -8,7 +8,7 @@
 #include "meshes/finger_shape.h"
 #include "meshes/input_error.h"
 #include "meshes/layers.h"
-#include "meshes/tetrahedralise.h"
+#include "meshes/mesh_quality.h"
 #include "scenes/fingers/calibration.h"
 #include "scenes/scene.h"
 #include "tests/support.h"

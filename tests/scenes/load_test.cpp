@@ -97,6 +97,15 @@ TEST_F(SceneFiles, BodiesFrictionsAndFilters) {
     EXPECT_EQ(refusal(good, {"filter.min_cutoff_Hz=3"}), "");
     EXPECT_SAYS(refusal(good, {"filter.min_cutoff_Hz=0"}), "filter.min_cutoff_Hz: expected a number from 0.001");
     EXPECT_SAYS(refusal(good, {"solver.sample_refinement=0"}), "sample_refinement");
+    EXPECT_EQ(refusal(good, {"finger.index.device.mode=force", "finger.index.device.max_force_N=3"}), "");
+    EXPECT_SAYS(refusal(good, {"finger.index.device.mode=force", "finger.index.device.driver=maestro",
+                               "finger.index.device.channels=[0, 1, 2]"}),
+                "cannot limit their force");
+    EXPECT_EQ(refusal(good, {"finger.index.device.mode=force", "finger.index.device.driver=dynamixel",
+                             "finger.index.device.port=/dev/ttyUSB0", "finger.index.device.channels=[1, 2, 3]"}),
+              "");
+    EXPECT_SAYS(refusal(good, {"finger.index.device.mode=force", "finger.index.device.kind=shear-2dof"}),
+                "cannot push its platform");
 }
 
 TEST_F(SceneFiles, AllProblemsInOnePass) {

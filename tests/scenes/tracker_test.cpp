@@ -233,6 +233,17 @@ TEST(HandRecording, LinesAreReadAsTheyWereWritten) {
         }
 }
 
+TEST(HandRecording, ColumnsOfOneNameAreRefused) {
+    const testing::ScratchFolder folder;
+    std::ofstream(folder.path / "twice.csv") << "t_us,hand,t_us\n1,right,2\n";
+    try {
+        recorded(folder.path / "twice.csv");
+        FAIL();
+    } catch (const InputError& error) {
+        EXPECT_NE(error.messages[0].find("two columns are called 't_us'"), std::string::npos) << error.messages[0];
+    }
+}
+
 TEST(HandRecording, GoesRoundAndSlowerWhereItIsAskedTo) {
     const std::string file = PALPATE_SOURCE_DIR "/scenes/recorded_hand.toml";
     const Scene plain = load_scene(file), slow = load_scene(file, {"recording.speed=0.5"}),

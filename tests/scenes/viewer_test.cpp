@@ -185,7 +185,11 @@ TEST(ViewServer, ServesFramesAndTakesCommandsButNotFromStrangers) {
     Client client(server.port());
     ASSERT_TRUE(client.connection);
     std::vector<std::uint8_t> frame(8, 0);
-    for (int i = 0; i < 200 && client.times.empty(); ++i) {  // until the handshake is through
+    auto waits = [&] {
+        const std::lock_guard lock(client.mutex);
+        return client.times.empty();
+    };
+    for (int i = 0; i < 200 && waits(); ++i) {  // until the handshake is through
         frame.assign(8, 0);
         server.publish(frame);
         usleep(10'000);

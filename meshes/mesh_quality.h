@@ -1,0 +1,24 @@
+#pragma once
+// How good tetrahedra are, what is wrong with them, and their boundary.
+
+#include "meshes/tet_mesh.h"
+
+namespace palpate {
+
+/// Quality of a mesh; dihedral angles in degrees, radius ratio 1 for the regular tetrahedron.
+struct MeshQuality {
+    double volume = 0;                                       ///< [m^3]
+    double worst_dihedral_deg = 0, median_dihedral_deg = 0;  ///< of each element's smallest angle
+    double worst_radius_ratio = 0, median_radius_ratio = 0;
+    double worst_volume_ratio = 0;  ///< smallest element volume over the mean
+};
+MeshQuality measure_quality(const TetMesh& mesh);
+
+/// Boundary triangles of tetrahedra, outward.
+std::vector<std::array<int, 3>> boundary(const std::vector<std::array<int, 4>>& tets);
+
+/// Sentences about elements that cannot be simulated, with index and quality: inverted, flat, indices
+/// out of range, nodes of no element. Empty if none.
+std::vector<std::string> check_tets(const TetMesh& mesh);
+
+}  // namespace palpate
