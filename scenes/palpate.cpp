@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
     actions["device"] = palpate::add_device_command(program);
     actions["compare"] = palpate::add_compare_command(program, stop_requested);
     actions["replay"] = palpate::add_replay_command(program, stop_requested);
+    actions["convert"] = palpate::add_convert_command(program, stop_requested);
     actions["view"] = palpate::add_view_command(program, stop_requested);
     actions["devices"] = palpate::add_devices_command(program);
     actions["doctor"] = palpate::add_doctor_command(program);

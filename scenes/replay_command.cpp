@@ -18,16 +18,6 @@ struct ReplayArguments {
     int threads = 0;
 };
 
-/// The recorded scene, if its file still says what it said then.
-Scene recorded_scene(const RecordedRun& run, const std::string& file) {
-    const std::string remedy =
-        "; `palpate replay " + file + " --extract " + run.scene + "` puts back what it said then";
-    if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);
-    if (read_file(run.scene) != run.text)
-        throw InputError(run.scene + ": has changed since the run was recorded" + remedy);
-    return load_scene(run.scene, run.overrides);
-}
-
 /// Says where two outcomes of a step differ first; false if nowhere.
 bool report_difference(const RecordedRun& run, const RecordedStep& step, std::size_t k, const StepOutcome& now) {
     for (std::size_t a = 0; a < run.arrays.size(); ++a) {

@@ -25,7 +25,7 @@ struct ViewArguments {
     bool any_address = false, arm = false, no_watchdog = false;
 };
 
-/// The scene's main settings as sliders: label, the keys they change, range and value now.
+/// The scene's main settings: label, the keys they change, range (a slider) or choices, and value now.
 nlohmann::json settings_of(const Scene& scene) {
     nlohmann::json out = nlohmann::json::array();
     auto add = [&](const std::string& label, std::vector<std::string> keys, double min, double max, double step,
@@ -50,6 +50,15 @@ nlohmann::json settings_of(const Scene& scene) {
     }
     for (const ObjectSpec& o : scene.spec.objects)
         if (o.friction > 0) add("friction, " + o.name, {"object." + o.name + ".friction"}, 0, 2, 0.05, o.friction);
+    std::vector<std::string> methods;
+    for (const ThimbleSpec& t : scene.spec.thimbles)
+        methods.push_back("finger." + scene.spec.fingers[std::size_t(t.finger)].name + ".device.method");
+    const std::vector<std::string> choices{"constrained", "unconstrained", "plane", "force"};  // as MatchingMethod
+    if (!methods.empty())
+        out.push_back({{"label", "matching method"},
+                       {"keys", methods},
+                       {"choices", choices},
+                       {"value", choices[std::size_t(scene.spec.thimbles[0].method)]}});
     add("Newton iterations", {"solver.newton_iterations"}, 1, 20, 1, std::min(20, scene.spec.solver.newton_iterations));
     return out;
 }
@@ -61,6 +70,7 @@ struct LiveRun {
     std::shared_ptr<LiveHands> hands{};  ///< null: fingers follow the scene's recording
     std::vector<std::string> overrides = arguments.overrides;
     std::unique_ptr<Simulation> simulation{};
+    std::unique_ptr<FeltThread> felt{};
     bool paused = false;
     int single_steps = 0;
     double speed = 1;
@@ -75,6 +85,7 @@ struct LiveRun {
         if (simulation) disarm(*simulation);
         simulation.reset();  // its controllers are free again
         simulation = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        felt = std::make_unique<FeltThread>(*simulation);
         const std::string source = arguments.tracker.empty() ? simulation->scene.tracker : arguments.tracker;
         if (!source.empty()) {
             if (!hands) hands = std::make_shared<LiveHands>(source, arguments.any_address);
@@ -168,7 +179,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         const auto now = Clock::now();
         if (now >= next_frame || single) {
             frame.clear();
-            append_frame(frame, *live.simulation, longest_us);
+            append_frame(frame, *live.simulation, live.felt->ask(*live.simulation), longest_us);
             live.tell_faults();
             server.publish(frame);
             longest_us = 0;

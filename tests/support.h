@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <random>
+#include <thread>
 #include <vector>
 
 #include "engine/build.h"
@@ -39,6 +40,16 @@ void aim_all(SkinChunk<T>& chunk, double linear, double angular, const Pose<doub
 /// Central difference of f along component i of x.
 double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
                           std::size_t i, double h);
+
+/// Whether a condition comes true within five seconds.
+template <class Condition>
+bool eventually(Condition condition) {
+    for (int k = 0; k < 2500; ++k) {
+        if (condition()) return true;
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return false;
+}
 
 /// Folder of real inputs, beside the checkout; empty where it is absent.
 std::filesystem::path shared_data();

@@ -162,6 +162,15 @@ void RunWriter::record(const StepInputs& inputs, const Simulation& s) {
     frame(step_kind, payload);
 }
 
+Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file) {
+    const std::string remedy =
+        "; `palpate replay " + file.string() + " --extract " + run.scene + "` puts back what it said then";
+    if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);
+    if (read_file(run.scene) != run.text)
+        throw InputError(run.scene + ": has changed since the run was recorded" + remedy);
+    return load_scene(run.scene, run.overrides);
+}
+
 RecordedRun read_run(const std::filesystem::path& path) {
     const std::string raw = read_file(path);
     const auto* bytes = reinterpret_cast<const std::uint8_t*>(raw.data());
@@ -169,7 +178,7 @@ RecordedRun read_run(const std::filesystem::path& path) {
     if (raw.size() < sizeof magic || std::memcmp(bytes, magic, sizeof magic) != 0)
         throw InputError(what + "it does not begin with \"palpate1\"");
     RecordedRun run;
-    std::size_t at = sizeof magic, fingers = 0, objects = 0;
+    std::size_t at = sizeof magic;
     bool has_header = false;
     while (raw.size() - at >= 12) {
         std::uint32_t size, kind, crc;
@@ -186,12 +195,13 @@ RecordedRun read_run(const std::filesystem::path& path) {
                 run.scene = j.at("scene"), run.text = j.at("text");
                 run.overrides = j.at("overrides").get<std::vector<std::string>>();
                 run.arrays = j.at("arrays").get<std::vector<std::string>>();
-                fingers = j.at("fingers").size(), objects = j.at("objects").size();
+                run.fingers = j.at("fingers").get<std::vector<std::string>>();
+                run.objects = j.at("objects").get<std::vector<std::string>>();
             } catch (const nlohmann::json::exception& error) { throw InputError(what + error.what()); }
             has_header = true;
         } else if (kind == step_kind) {
             RecordedStep step;
-            if (!read_step(payload, size, fingers, objects, run.arrays.size(), step)) break;
+            if (!read_step(payload, size, run.fingers.size(), run.objects.size(), run.arrays.size(), step)) break;
             run.steps.push_back(std::move(step));
         }
         at += 12 + std::size_t(size);

@@ -50,10 +50,13 @@ class RunWriter {
 
 struct RecordedRun {
     std::string scene, text;
-    std::vector<std::string> overrides, arrays;
+    std::vector<std::string> overrides, fingers, objects, arrays;
     std::vector<RecordedStep> steps;
     std::size_t unread_bytes = 0;  ///< after the last complete frame
 };
+
+/// The recorded scene, if its file still says what it said then. Throws InputError with the remedy if not.
+Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file);
 
 /// Reads up to the last complete frame. Throws InputError for what is no recorded run.
 RecordedRun read_run(const std::filesystem::path& path);

@@ -8,6 +8,8 @@
     extern "C" const char name##_begin[], name##_end[];
 
 PALPATE_ASSET(palpate_page, PALPATE_VIEWER_DIR "/page.html")
+PALPATE_ASSET(palpate_frames, PALPATE_VIEWER_DIR "/frames.js")
+PALPATE_ASSET(palpate_plots, PALPATE_VIEWER_DIR "/plots.js")
 PALPATE_ASSET(palpate_view, PALPATE_VIEWER_DIR "/view.js")
 PALPATE_ASSET(palpate_three, PALPATE_THREE_DIR "/three.min.js")
 PALPATE_ASSET(palpate_orbit, PALPATE_THREE_DIR "/examples/js/controls/OrbitControls.js")
@@ -15,6 +17,8 @@ PALPATE_ASSET(palpate_orbit, PALPATE_THREE_DIR "/examples/js/controls/OrbitContr
 namespace palpate::assets {
 
 std::string_view page() { return {palpate_page_begin, palpate_page_end}; }
+std::string_view frames() { return {palpate_frames_begin, palpate_frames_end}; }
+std::string_view plots() { return {palpate_plots_begin, palpate_plots_end}; }
 std::string_view view() { return {palpate_view_begin, palpate_view_end}; }
 std::string_view three() { return {palpate_three_begin, palpate_three_end}; }
 std::string_view orbit_controls() { return {palpate_orbit_begin, palpate_orbit_end}; }

@@ -6,6 +6,8 @@
 namespace palpate::assets {
 
 std::string_view page();            ///< page.html, with marks for the others
+std::string_view frames();          ///< frames.js
+std::string_view plots();           ///< plots.js
 std::string_view view();            ///< view.js
 std::string_view three();           ///< three.js
 std::string_view orbit_controls();  ///< of three.js

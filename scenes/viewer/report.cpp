@@ -40,7 +40,8 @@ void replace(std::string& page, const std::string& mark, std::string_view text) 
 void ReportRecorder::record(const Simulation& s) {
     longest_us_ = std::max(longest_us_, 1e6 * s.world.profile.total());
     if (s.world.time + 1e-9 < next_) return;
-    append_frame(frames_, s, longest_us_);
+    if (!felt_) felt_ = std::make_unique<FeltPads>(s);
+    append_frame(frames_, s, felt_->solve(s), longest_us_);
     ++count_;
     longest_us_ = 0;
     next_ = s.world.time + 1 / rate_;
@@ -50,6 +51,8 @@ std::string page_with(const nlohmann::json& data) {
     std::string page(assets::page());
     replace(page, "/*THREE*/", assets::three());
     replace(page, "/*ORBIT*/", assets::orbit_controls());
+    replace(page, "/*FRAMES*/", assets::frames());
+    replace(page, "/*PLOTS*/", assets::plots());
     replace(page, "/*VIEW*/", assets::view());
     replace(page, "/*DATA*/", safe_in_html(data.dump()));
     return page;

@@ -43,6 +43,20 @@ void put_pose(std::vector<std::uint8_t>& out, const Pose<double>& p) {
     put_floats(out, {p.position.x, p.position.y, p.position.z, p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z});
 }
 
+/// Where a node is in the bone's frame, and the pressure on it [Pa].
+void put_node(std::vector<std::uint8_t>& out, const Vec3<double>& x, double pressure) {
+    for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, x[d], 2e-6);
+    put_scaled<std::uint16_t>(out, pressure, 10);
+}
+/// Pressure on every node of a mesh by the forces on its samples [Pa].
+std::vector<double> pressures(const TetMesh& mesh, const std::vector<Vec3<double>>& force,
+                              const std::vector<double>& area) {
+    std::vector<double> pressure(mesh.nodes.size(), 0.0);
+    for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
+        pressure[std::size_t(mesh.pad_nodes[k])] = norm(force[k]) / area[k];
+    return pressure;
+}
+
 /// Per node, of the elements around it: largest departure of a principal stretch from 1, and whether one is at a limit.
 struct Strains {
     std::vector<double> departure;
@@ -82,16 +96,12 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
     const Pose<double> bone = bone_pose(s.world, finger);
     const std::vector<Point> now = finger_positions(s.world, finger);
     const Strains strains = strains_of(mesh, now, s.scene.spec.fingers[row]);
-    std::vector<double> pressure(now.size(), 0.0);
-    for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
-        pressure[std::size_t(mesh.pad_nodes[k])] = norm(contact.force[k]) / contact.area[k];
+    const std::vector<double> pressure = pressures(mesh, contact.force, contact.area);
     put_pose(out, bone);
     put_floats(out, {contact.normal_force, contact.touching_area});
     for (int i : skin_nodes(mesh)) {
         const Point& x = now[std::size_t(i)];
-        const Vec3<double> local = inverse_transform(bone, Vec3<double>{x[0], x[1], x[2]});
-        for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, local[d], 2e-6);
-        put_scaled<std::uint16_t>(out, pressure[std::size_t(i)], 10);
+        put_node(out, inverse_transform(bone, Vec3<double>{x[0], x[1], x[2]}), pressure[std::size_t(i)]);
         put_scaled<std::uint8_t>(out, strains.departure[std::size_t(i)], 0.01);
         put(out, std::uint8_t(strains.limited[std::size_t(i)]));
     }
@@ -112,6 +122,18 @@ void append_thimble(std::vector<std::uint8_t>& out, const Matching& m) {
             const Eigen::Vector3d here = m.model.mount * x;
             for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, here[d], 1e-5);
         }
+}
+
+void append_felt(std::vector<std::uint8_t>& out, const TetMesh& mesh, const ContactSurface& wanted,
+                 const FeltPad& felt) {
+    const std::vector<double> pressure = pressures(mesh, felt.force, wanted.area);
+    put(out, float(felt.normal_force));
+    for (int i : skin_nodes(mesh)) {
+        const Point& x = felt.position[std::size_t(i)];
+        put_node(out, {x[0], x[1], x[2]}, pressure[std::size_t(i)]);
+    }
+    for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
+        put(out, std::uint8_t((wanted.touches[k] ? 1 : 0) | (felt.touches[k] ? 2 : 0)));
 }
 
 nlohmann::json finger_json(const Skin& skin) {
@@ -170,11 +192,16 @@ nlohmann::json stage_of(const Simulation& s) {
     return stage;
 }
 
-void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, double longest_step_us) {
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std::vector<FeltPad>& felt,
+                  double longest_step_us) {
     put_floats(out, {s.world.time, longest_step_us});
     for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
     for (const RigidShape& o : s.world.shapes) put_pose(out, o.pose);
-    for (const Matching& m : s.world.matchings) append_thimble(out, m);
+    for (std::size_t t = 0; t < s.world.matchings.size(); ++t) {
+        const Matching& m = s.world.matchings[t];
+        append_thimble(out, m);
+        append_felt(out, s.world.skins.find(m.finger)->mesh, *s.world.contact_surfaces.find(m.finger), felt[t]);
+    }
 }
 
 }  // namespace palpate

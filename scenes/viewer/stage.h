@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "scenes/simulation.h"
+#include "scenes/viewer/felt.h"
 
 namespace palpate {
 
@@ -17,7 +18,10 @@ nlohmann::json stage_of(const Simulation& simulation);
 /// per finger: bone pose 7 f32, contact force and area f32, then per skin node x, y, z i16 [2 um, bone frame], pressure
 /// u16 [0.01 kPa], largest departure of a principal stretch from 1 u8 [%], 1 where an element is at a strain limit u8;
 /// per sample contact force 3 i16 [0.2 mN]; per object: pose 7 f32; per thimble: platform pose 7 f32 (finger frame),
-/// joint angles f32, matching residual f32 [m], contact u32, points of its links i16 [10 um, finger frame].
-void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation, double longest_step_us);
+/// joint angles f32, matching residual f32 [m], contact u32, points of its links i16 [10 um, finger frame]; of the pad
+/// on its platform: force f32 [N], per skin node x, y, z i16 [2 um, bone frame] and pressure u16 [0.01 kPa], per sample
+/// u8: 1 where it touches the object, plus 2 where it touches the platform.
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation, const std::vector<FeltPad>& felt,
+                  double longest_step_us);
 
 }  // namespace palpate

@@ -1,72 +1,11 @@
 'use strict';
-// Draws a run: a stage (fingers, objects, thimbles) and its frames, in the format of stage.h: all at once in a report, as
-// they come in the live viewer. Lengths in metres there, in millimetres here.
-window.addEventListener('error', event => { document.body.dataset.error = event.message; });
-
-const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), stage = run.stage;
-for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
-const palette = ['#1f6feb', '#d9730d', '#2f9e44', '#c2255c', '#7048e8', '#0c8599', '#a61e4d', '#5c940d', '#862e9c', '#495057'];
-
-// ---- frames ------------------------------------------------------------------------------------------------------
-
-function bytesOf(text) {
-  const raw = atob(text), out = new Uint8Array(raw.length);
-  for (let i = 0; i < raw.length; ++i) out[i] = raw.charCodeAt(i);
-  return out;
-}
-
-/** One frame as plain arrays; the reader follows append_frame() line by line. */
-function readFrame(view, at) {
-  let p = at;
-  const f32 = () => { p += 4; return view.getFloat32(p - 4, true); };
-  const i16 = () => { p += 2; return view.getInt16(p - 2, true); };
-  const pose = () => { const v = []; for (let i = 0; i < 7; ++i) v.push(f32()); return v; };
-  const frame = { time: f32(), step_us: f32(), fingers: [], objects: [], thimbles: [] };
-  for (const finger of stage.fingers) {
-    const n = finger.rest.length / 3;
-    const f = { bone: pose(), force: f32(), area: f32(), position: new Float32Array(3 * n), pressure: new Float32Array(n),
-      stretch: new Float32Array(n), limited: new Uint8Array(n), forces: new Float32Array(3 * finger.samples.length) };
-    for (let i = 0; i < n; ++i) {
-      for (let d = 0; d < 3; ++d) f.position[3 * i + d] = 2e-3 * i16();
-      p += 2; f.pressure[i] = 0.01 * view.getUint16(p - 2, true);
-      f.stretch[i] = view.getUint8(p++);
-      f.limited[i] = view.getUint8(p++);
-    }
-    for (let i = 0; i < f.forces.length; ++i) f.forces[i] = 2e-4 * i16();
-    frame.fingers.push(f);
-  }
-  for (let i = 0; i < stage.objects.length; ++i) frame.objects.push(pose());
-  for (const thimble of stage.thimbles) {
-    const t = { pose: pose(), q: [] };
-    for (let k = 0; k < thimble.joint_min.length; ++k) t.q.push(f32());
-    t.rms = f32();
-    p += 4; t.contact = view.getUint32(p - 4, true) !== 0;
-    t.links = thimble.links.map(count => Float32Array.from({ length: 3 * count }, () => 1e-2 * i16()));
-    frame.thimbles.push(t);
-  }
-  frame.end = p;
-  return frame;
-}
-
-// ---- colours -----------------------------------------------------------------------------------------------------
-
-const quantities = {
-  pressure: { title: 'contact pressure', unit: 'kPa', least: 1, of: (f, i) => f.pressure[i] },
-  stretch: { title: 'stretch: departure from 1 (at a limit: blue)', unit: '%', least: 5, of: (f, i) => f.stretch[i] },
-  displacement: { title: 'displacement from rest', unit: 'mm', least: 0.1, of: (f, i, rest) =>
-    Math.hypot(f.position[3 * i] - rest[3 * i], f.position[3 * i + 1] - rest[3 * i + 1],
-               f.position[3 * i + 2] - rest[3 * i + 2]) },
-};
-for (const q of Object.values(quantities)) q.most = q.least;
-/** From skin to deep red. */
-function skinColour(t) {
-  t = Math.min(1, Math.max(0, t));
-  return [(236 + t * (150 - 236)) / 255, (196 + t * (12 - 196)) / 255, (172 + t * (38 - 172)) / 255];
-}
+// The scene in three dimensions, its controls, and where frames come from: all at once in a report, as they come in the
+// live viewer. Lengths in millimetres.
 
 // ---- the 3-D scene -----------------------------------------------------------------------------------------------
 
 const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+renderer.setClearColor('#eef1f5');
 by('stage').appendChild(renderer.domElement);
 const scene = new THREE.Scene();
 scene.background = new THREE.Color('#eef1f5');
@@ -83,7 +22,8 @@ function place(object, pose) {
   object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
 }
 
-const fingers = stage.fingers.map(finger => {
+/** Skin of a finger whose vertices move and take colours. */
+function skinOf(finger) {
   const geometry = new THREE.BufferGeometry(), n = finger.rest.length / 3;
   geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(finger.rest), 3));
   geometry.setAttribute('color', new THREE.BufferAttribute(new Float32Array(3 * n), 3));
@@ -94,6 +34,21 @@ const fingers = stage.fingers.map(finger => {
     { color: '#000', wireframe: true, transparent: true, opacity: 0.08 }));
   mesh.frustumCulled = edges.frustumCulled = false;
   group.add(mesh, edges);
+  return { group, geometry };
+}
+/** A disk of a thimble, z towards the pad. */
+function diskOf(thimble) {
+  const disk = new THREE.Group(), r = 1e3 * thimble.radius;
+  disk.add(new THREE.Mesh(new THREE.CircleGeometry(r, 48), new THREE.MeshLambertMaterial(
+    { color: '#2f9e44', transparent: true, opacity: 0.16, side: THREE.DoubleSide, depthWrite: false })));
+  const rim = new THREE.BufferGeometry().setFromPoints(Array.from({ length: 65 }, (_, k) =>
+    new THREE.Vector3(r * Math.cos(k * Math.PI / 32), r * Math.sin(k * Math.PI / 32), 0)));
+  disk.add(new THREE.Line(rim, new THREE.LineBasicMaterial({ color: '#1b7a33' })));
+  return disk;
+}
+
+const fingers = stage.fingers.map(finger => {
+  const { group, geometry } = skinOf(finger);
   scene.add(group);
   const lines = new THREE.BufferGeometry();
   lines.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6 * finger.samples.length), 3));
@@ -129,12 +84,7 @@ const objects = stage.objects.map(object => {
   return mesh;
 });
 const platforms = stage.thimbles.map(thimble => {
-  const holder = new THREE.Group(), disk = new THREE.Group(), r = 1e3 * thimble.radius;
-  disk.add(new THREE.Mesh(new THREE.CircleGeometry(r, 48), new THREE.MeshLambertMaterial(
-    { color: '#2f9e44', transparent: true, opacity: 0.16, side: THREE.DoubleSide, depthWrite: false })));
-  const rim = new THREE.BufferGeometry().setFromPoints(Array.from({ length: 65 }, (_, k) =>
-    new THREE.Vector3(r * Math.cos(k * Math.PI / 32), r * Math.sin(k * Math.PI / 32), 0)));
-  disk.add(new THREE.Line(rim, new THREE.LineBasicMaterial({ color: '#1b7a33' })));
+  const holder = new THREE.Group(), disk = diskOf(thimble);
   holder.add(disk);
   const links = thimble.links.map(count => {
     const shape = new THREE.BufferGeometry();
@@ -145,8 +95,69 @@ const platforms = stage.thimbles.map(thimble => {
     return shape.attributes.position;
   });
   scene.add(holder);
-  return { holder, disk, links };
+  // Samples that touch: the object and the platform, the object alone, the platform alone.
+  const dots = new THREE.BufferGeometry(), count = stage.fingers[thimble.finger].samples.length;
+  dots.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  dots.setAttribute('color', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  const points = new THREE.Points(dots, new THREE.PointsMaterial(
+    { size: 7, sizeAttenuation: false, vertexColors: THREE.VertexColors, depthTest: false, transparent: true }));
+  points.frustumCulled = false;
+  scene.add(points);
+  return { holder, disk, links, points };
 });
+const touchColours = [[0, 0, 0], [0.85, 0.45, 0.05], [0.12, 0.44, 0.92], [0.1, 0.55, 0.2]];
+
+// ---- insets: what the users' fingers undergo ------------------------------------------------------------------------
+
+const insets = stage.thimbles.map((thimble, k) => {
+  const inset = new THREE.Scene(), { group, geometry } = skinOf(stage.fingers[thimble.finger]), disk = diskOf(thimble);
+  inset.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85), sun.clone(), group, disk);
+  inset.background = new THREE.Color('#fbfcfd');
+  const label = document.createElement('div');
+  label.className = 'felt';
+  by('stage').append(label);
+  return { scene: inset, geometry, disk, label };
+});
+const insetCamera = new THREE.PerspectiveCamera(25, 1, 1, 400);
+insetCamera.up.set(0, 0, 1);
+insetCamera.position.set(66, -75, -39);
+insetCamera.lookAt(0, 0, -2);
+
+function showInset(k, t) {
+  const { geometry, disk } = insets[k], colours = geometry.attributes.color.array, q = quantities.pressure;
+  geometry.attributes.position.array.set(t.felt.position);
+  geometry.attributes.position.needsUpdate = true;
+  for (let i = 0; i < t.felt.pressure.length; ++i) colours.set(skinColour(t.felt.pressure[i] / q.most), 3 * i);
+  geometry.attributes.color.needsUpdate = true;
+  geometry.computeVertexNormals();
+  place(disk, t.pose);
+}
+/** Height of the row of insets at the bottom of the stage, labels included; 0 without them. */
+function insetRow() {
+  const side = Math.min(150, Math.floor(by('stage').clientWidth / Math.max(1, insets.length)) - 9);
+  return by('felt').checked && insets.length > 0 ? { side, height: side + 32 } : { side, height: 0 };
+}
+/** The scene, and the insets below it. */
+function draw() {
+  const { clientWidth: width, clientHeight: height } = by('stage'), row = insetRow();
+  renderer.setScissorTest(false);
+  renderer.clear();
+  renderer.setScissorTest(true);
+  const part = (x, y, w, h, what, from) => {
+    renderer.setViewport(x, y, w, h);
+    renderer.setScissor(x, y, w, h);
+    renderer.render(what, from);
+  };
+  camera.aspect = width / Math.max(1, height - row.height);
+  camera.updateProjectionMatrix();
+  part(0, row.height, width, height - row.height, scene, camera);
+  insets.forEach((inset, k) => {
+    const x = 8 + k * (row.side + 8);
+    inset.label.hidden = row.height === 0;
+    Object.assign(inset.label.style, { left: x + 'px', bottom: (row.side + 10) + 'px', width: row.side + 'px' });
+    if (row.height > 0) part(x, 8, row.side, row.side, inset.scene, insetCamera);
+  });
+}
 
 // ---- showing a frame ---------------------------------------------------------------------------------------------
 
@@ -202,6 +213,21 @@ function showFinger(k, f) {
   arrows.visible = by('arrows').checked;
 }
 
+function showTouches(k, frame, t) {
+  const { finger } = stage.thimbles[k], { samples } = stage.fingers[finger], f = frame.fingers[finger];
+  const { points } = platforms[k], at = points.geometry.attributes, x = new THREE.Vector3();
+  let shown = 0;
+  samples.forEach((node, s) => {
+    if (!t.felt.touches[s]) return;
+    x.fromArray(f.position, 3 * node).applyMatrix4(fingers[finger].group.matrixWorld);
+    at.position.array.set([x.x, x.y, x.z], 3 * shown);
+    at.color.array.set(touchColours[t.felt.touches[s]], 3 * shown++);
+  });
+  at.position.needsUpdate = at.color.needsUpdate = true;
+  points.geometry.setDrawRange(0, shown);
+  points.visible = by('touches').checked;
+}
+
 function show(index) {
   if (frames.length === 0) return;
   now = Math.max(0, Math.min(frames.length - 1, index));
@@ -216,13 +242,17 @@ function show(index) {
       platforms[k].links[j].needsUpdate = true;
     });
     platforms[k].holder.visible = by('platforms').checked;
+    showTouches(k, frame, t);
+    showInset(k, t);
+    insets[k].label.textContent = `${stage.fingers[stage.thimbles[k].finger].name} feels ${t.felt.force.toFixed(2)} of ${
+      frame.fingers[stage.thimbles[k].finger].force.toFixed(2)} N`;
   });
   by('when').max = frames.length - 1;
   by('when').value = now;
   by('time').textContent = frame.time.toFixed(2) + ' s';
   showNumbers(frame);
   follow();
-  renderer.render(scene, camera);
+  draw();
   drawPlots();
 }
 
@@ -239,59 +269,6 @@ function showNumbers(frame) {
         share < 0.005 || share > 0.995 ? 'at-limit' : ''}" style="left:calc(${100 * Math.min(1, Math.max(0, share))}% - 1px)"></i></div>`;
     }).join('') + '</div>';
   }).join('');
-}
-
-// ---- plots -------------------------------------------------------------------------------------------------------
-
-const curvesFor = list => list.map(() => []);
-const plots = [
-  { title: 'contact force [N]', curves: curvesFor(stage.fingers), of: (f, k) => f.fingers[k].force },
-  { title: 'contact area [mm²]', curves: curvesFor(stage.fingers), of: (f, k) => 1e6 * f.fingers[k].area },
-  { title: 'matching residual [mm]', curves: curvesFor(stage.thimbles), of: (f, k) => 1e3 * f.thimbles[k].rms,
-    colours: stage.thimbles.map(t => palette[t.finger % palette.length]) },
-  { title: 'longest step [µs] (line: the time step)', curves: [[]], of: f => f.step_us, colours: ['#495057'],
-    line: 1e6 * stage.dt },
-].filter(plot => plot.curves.length > 0);
-for (const plot of plots) {
-  plot.canvas = document.createElement('canvas');
-  plot.canvas.className = 'plot';
-  by('plots').appendChild(plot.canvas);
-  plot.most = 1e-9;
-}
-
-function drawPlots() {
-  const t0 = frames[0].time, t1 = Math.max(t0 + 1e-6, frames[frames.length - 1].time);
-  for (const plot of plots) {
-    const c = plot.canvas, ratio = window.devicePixelRatio || 1, w = c.clientWidth, h = c.clientHeight;
-    c.width = w * ratio, c.height = h * ratio;
-    const g = c.getContext('2d');
-    g.scale(ratio, ratio);
-    const x = t => 44 + (w - 52) * (t - t0) / (t1 - t0), y = v => h - 16 - (h - 34) * v / plot.most;
-    g.font = '11px system-ui, sans-serif';
-    g.fillStyle = '#1c2430';
-    g.fillText(plot.title, 44, 11);
-    g.fillStyle = '#5b6675';
-    g.textAlign = 'right';
-    if (plot.most > 1e-6) g.fillText(plot.most.toPrecision(3), 40, y(plot.most) + 4);
-    g.fillText('0', 40, y(0) + 4);
-    g.fillText(t1.toFixed(2) + ' s', w - 8, h - 3);
-    g.strokeStyle = '#d5dbe3';
-    g.strokeRect(44, y(plot.most), w - 52, y(0) - y(plot.most));
-    if (plot.line <= plot.most) {
-      g.strokeStyle = '#c62828';
-      g.setLineDash([4, 3]);
-      g.beginPath(); g.moveTo(44, y(plot.line)); g.lineTo(w - 8, y(plot.line)); g.stroke();
-      g.setLineDash([]);
-    }
-    plot.curves.forEach((curve, k) => {
-      g.strokeStyle = plot.colours ? plot.colours[k] : palette[k % palette.length];
-      g.beginPath();
-      curve.forEach((v, i) => i ? g.lineTo(x(frames[i].time), y(v)) : g.moveTo(x(frames[i].time), y(v)));
-      g.stroke();
-    });
-    g.strokeStyle = '#1c2430';
-    g.beginPath(); g.moveTo(x(frames[now].time), y(plot.most)); g.lineTo(x(frames[now].time), y(0)); g.stroke();
-  }
 }
 
 // ---- camera and controls -----------------------------------------------------------------------------------------
@@ -326,8 +303,6 @@ function resize() {
   const box = by('stage').getBoundingClientRect();
   renderer.setPixelRatio(window.devicePixelRatio || 1);
   renderer.setSize(box.width, box.height);
-  camera.aspect = box.width / Math.max(1, box.height);
-  camera.updateProjectionMatrix();
 }
 function legend() {
   const q = quantities[by('colour').value], g = by('scale').getContext('2d');
@@ -345,12 +320,12 @@ by('about').textContent = run.about;
 by('summary').textContent = run.summary;
 by('scene').textContent = run.scene;
 by('summary').parentElement.hidden = run.live;
-by('thimbles-box').hidden = stage.thimbles.length === 0;
+by('thimbles-box').hidden = by('matched').hidden = stage.thimbles.length === 0;
 by('settings-box').hidden = by('restart').hidden = !run.live;
 stage.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
 by('colour').onchange = () => { legend(); show(now); };
 by('camera').onchange = () => aim(Number(by('camera').value));
-for (const id of ['arrows', 'platforms', 'objects']) by(id).onchange = () => show(now);
+for (const id of ['arrows', 'platforms', 'objects', 'touches', 'felt']) by(id).onchange = () => show(now);
 
 let tell = () => {};  // the live viewer's way to the simulation
 function play(on) {
@@ -369,7 +344,7 @@ by('rearm').onclick = () => tell({ rearm: true });
 by('restart').onclick = () => tell({ restart: true });
 by('speed').onchange = () => tell({ speed: Number(by('speed').value) });
 by('when').oninput = () => { play(false); show(Number(by('when').value)); };
-controls.addEventListener('change', () => renderer.render(scene, camera));
+controls.addEventListener('change', draw);
 window.addEventListener('resize', () => { resize(); show(now); });
 resize();
 
@@ -405,13 +380,23 @@ function startReport() {
 
 function settingRows() {
   for (const setting of run.settings) {
-    const row = document.createElement('div'), input = document.createElement('input'), value = document.createElement('b');
+    const row = document.createElement('div'), value = document.createElement('b');
+    const input = document.createElement(setting.choices ? 'select' : 'input');
+    row.className = 'setting';
+    if (setting.choices) {
+      for (const choice of setting.choices) input.add(new Option(choice));
+      input.value = setting.value;
+      input.dataset.setting = setting.label;
+      input.onchange = () => tell({ set: setting.keys.map(key => key + '=' + input.value) });
+      row.append(setting.label, input);
+      by('settings').append(row);
+      continue;
+    }
     Object.assign(input, { type: 'range', min: setting.min, max: setting.max, step: setting.step, value: setting.value });
     input.dataset.setting = setting.label;
     value.textContent = setting.value;
     input.oninput = () => { value.textContent = input.value; };
     input.onchange = () => tell({ set: setting.keys.map(key => key + '=' + input.value) });
-    row.className = 'setting';
     row.append(setting.label, input, value);
     by('settings').append(row);
   }
@@ -451,6 +436,7 @@ const link = new URLSearchParams(location.hash.slice(1));
 if (link.has('t')) show(frames.findIndex(f => f.time >= Number(link.get('t')) - 1e-6));
 if (link.has('colour')) { by('colour').value = link.get('colour'); legend(); show(now); }
 if (link.has('finger')) { by('camera').value = link.get('finger'); aim(Number(link.get('finger'))); }
+if (link.has('touches')) { by('touches').checked = true; show(now); }
 if (link.has('still')) play(false);
 if (link.has('probe') && frames.length > 0) probe();
 document.body.dataset.frames = frames.length;

@@ -12,6 +12,8 @@
 namespace palpate {
 namespace {
 
+using testing::eventually;
+
 TEST(WireValue, AnySequenceStaysInRangeAndInsideTheSpeedLimit) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> u(-1, 1);
@@ -121,15 +123,6 @@ class FakeLink final : public BoardLink {
   private:
     FakeState& state_;
 };
-
-template <class Condition>
-bool eventually(Condition condition) {
-    for (int k = 0; k < 2000; ++k) {
-        if (condition()) return true;
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    }
-    return false;
-}
 
 TEST(Board, SendsOnlyWhatChanged) {
     FakeState state;

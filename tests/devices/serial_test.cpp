@@ -13,6 +13,8 @@
 namespace palpate {
 namespace {
 
+using testing::eventually;
+
 TEST(SerialProtocols, PublishedExamples) {
     // Pololu Maestro user's guide, 5.e: channel 2 to 1500 us; channel 3 off and channel 4 to 1500 us in one command.
     const ChannelTarget one[] = {{2, 6000}};
@@ -101,15 +103,6 @@ TEST(SerialProtocols, HostileBytesAreDiscarded) {
                 while (reader.next()) {}
             }
         }
-}
-
-template <class Condition>
-bool eventually(Condition condition) {
-    for (int k = 0; k < 2000; ++k) {
-        if (condition()) return true;
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    }
-    return false;
 }
 
 /// The other end of a serial line: a thread that answers like servos.

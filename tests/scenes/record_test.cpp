@@ -8,6 +8,7 @@
 #include <random>
 
 #include "meshes/input_error.h"
+#include "scenes/recording/hdf5_file.h"
 #include "scenes/recording/run_file.h"
 #include "tests/support.h"
 
@@ -43,6 +44,38 @@ TEST(Record, ReplayGivesTheSameBitsForAnyNumberOfThreads) {
     EXPECT_TRUE(std::filesystem::exists(out + "2/index.csv"));
     EXPECT_EQ(palpate_program("replay " + file + " --extract " + out + ".toml"), 0);
     EXPECT_EQ(std::filesystem::file_size(out + ".toml"), std::filesystem::file_size(scenes + "hand.toml"));
+}
+
+TEST(Record, ConvertsToTablesAndPads) {
+    testing::ScratchFolder scratch;
+    const std::string file = (scratch.path / "run").string(), out = (scratch.path / "out").string();
+    record(file, "press.toml", 80);
+    ASSERT_EQ(palpate_program("convert " + file + " --csv " + out + " --vtu " + out + "/pads --rate 20"), 0);
+    const RecordedRun run = read_run(file);
+    std::ifstream in(out + "/fingers/index.csv");
+    std::string line;
+    std::getline(in, line);
+    EXPECT_EQ(line.substr(0, 30), "time_s,tracked,sample_time_s,x");
+    std::size_t rows = 0;
+    double last_force = 0;
+    for (; std::getline(in, line); ++rows) last_force = std::strtod(line.c_str() + line.rfind(',') + 1, nullptr);
+    EXPECT_EQ(rows, run.steps.size());
+    EXPECT_NEAR(last_force, run.steps.back().outcome.forces[0].z, 1e-9);
+    EXPECT_GT(last_force, 0.1);
+    EXPECT_TRUE(std::filesystem::exists(out + "/objects/table.csv"));
+    EXPECT_TRUE(std::filesystem::exists(out + "/pads/index.pvd"));
+    EXPECT_TRUE(std::filesystem::exists(out + "/pads/index_0007.vtu"));
+    const int hdf5 = palpate_program("convert " + file + " --hdf5 " + out + ".h5");
+    EXPECT_EQ(hdf5, has_hdf5() ? 0 : 2);
+    if (has_hdf5()) {
+        std::ifstream h5(out + ".h5", std::ios::binary);
+        char head[4] = "";
+        h5.read(head, 4);
+        EXPECT_EQ(std::string(head, 4), "\x89HDF");
+        EXPECT_GT(std::filesystem::file_size(out + ".h5"), 5000u);
+    }
+    EXPECT_EQ(palpate_program("convert " + file), 2) << "to what?";
+    EXPECT_EQ(palpate_program("convert " + file + " --hdf5 /nowhere/x.h5"), 2);
 }
 
 TEST(Record, SaysWhereARunComesOutOtherwise) {

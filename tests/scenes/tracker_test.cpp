@@ -2,10 +2,14 @@
 // do, and how tracked fingers are fitted to the model's.
 
 #include <arpa/inet.h>
+#include <civetweb.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <fstream>
+#include <map>
+#include <sstream>
 
 #include "meshes/input_error.h"
 #include "scenes/grasp.h"
@@ -15,6 +19,8 @@
 
 namespace palpate {
 namespace {
+
+using testing::eventually;
 
 void send(int port, const std::string& text) {
     const int s = socket(AF_INET, SOCK_DGRAM, 0);
@@ -27,13 +33,6 @@ void send(int port, const std::string& text) {
 }
 
 constexpr int left = 0, right = 1;
-
-template <class Condition>
-bool eventually(Condition condition) {
-    for (int i = 0; i < 500; ++i, usleep(10'000))
-        if (condition()) return true;
-    return false;
-}
 
 /// Lines with joints of the repository's recording: one datagram each.
 std::vector<std::string> recorded_frames() {
@@ -213,6 +212,121 @@ TEST(Ultraleap, BadMessagesAreCountedAndChangeNothing) {
     part["pointables"].erase(0), part["id"] = 6, part["timestamp"] = 300000;
     take(part.dump());
     EXPECT_FALSE(mailbox.newest(right, 1).valid);
+}
+
+/// A page, or a program, that sends hands to ws://.../hand.
+struct Sender {
+    mg_connection* connection = nullptr;
+    explicit Sender(int port, const char* origin = nullptr) {
+        char error[200] = "";
+        connection = mg_connect_websocket_client(
+            "127.0.0.1", port, 0, error, sizeof error, "/hand", origin,
+            [](mg_connection*, int, char*, std::size_t, void*) -> int { return 1; }, nullptr, nullptr);
+    }
+    ~Sender() {
+        if (connection) mg_close_connection(connection);
+    }
+    void send(const std::string& text) {
+        mg_websocket_client_write(connection, MG_WEBSOCKET_OPCODE_TEXT, text.data(), text.size());
+    }
+};
+
+TEST(WebsocketHand, TakesHandsFromThisMachineAlone) {
+    LiveHands live("websocket:0");
+    const int port = live.source->port();
+    const auto lines = recorded_frames();
+    Sender page(port, "http://localhost:8080");
+    ASSERT_TRUE(page.connection);
+    for (std::size_t k = 0; k < 20; ++k) page.send(lines[k]);
+    EXPECT_TRUE(eventually([&] { return live.mailbox.counts().frames[right] == 20; }));
+    EXPECT_TRUE(live.mailbox.newest(right, 1).valid);
+    for (const char* bad : {"", "{", "[]", "{\"joints\": []}"}) page.send(bad);
+    EXPECT_TRUE(eventually([&] { return live.mailbox.counts().malformed >= 3; }));
+    page.send(std::string(100000, 'x'));
+    EXPECT_TRUE(eventually([&] { return live.mailbox.counts().last_problem == "a message of more than 64 kB"; }));
+    for (const char* other : {"http://example.com", "https://localhost.example.com", "null"})
+        EXPECT_FALSE(Sender(port, other).connection) << other;
+    EXPECT_THROW(LiveHands("websocket:" + std::to_string(port)), InputError);
+}
+
+/// Everything that a tracker can do wrong, to the program as it is shipped: counted and said, never a crash, and never
+/// a jump of a thimble.
+TEST(LiveTracker, HostileInputNeverMovesAThimbleFasterThanItMay) {
+    const testing::ScratchFolder folder;
+    const std::string log = (folder.path / "log").string(), out = (folder.path / "out").string();
+    const pid_t child = fork();
+    if (child == 0) {
+        if (!freopen(log.c_str(), "w", stdout)) _exit(3);
+        setvbuf(stdout, nullptr, _IOLBF, 0);
+        execl(PALPATE_PROGRAM, "palpate", "run", PALPATE_SOURCE_DIR "/scenes/recorded_hand.toml", "--tracker", "udp:0",
+              "--duration", "2.5", "--out", out.c_str(), nullptr);
+        _exit(4);
+    }
+    int port = 0;
+    ASSERT_TRUE(eventually([&] {
+        std::ifstream in(log);
+        for (std::string line; std::getline(in, line);)
+            if (const auto at = line.find("UDP port "); at != std::string::npos)
+                port = std::atoi(line.c_str() + at + 9);
+        return port > 0;
+    }));
+    const auto lines = recorded_frames();
+    std::mt19937 random(9);
+    std::uniform_real_distribution<double> u(-1, 1);
+    for (int k = 0; k < 400; ++k, usleep(5000)) {
+        nlohmann::json frame = nlohmann::json::parse(lines[std::size_t(k) % lines.size()]);
+        frame.erase("t");
+        auto& joints = frame["joints"];
+        auto of_all = [&](auto change) {
+            for (auto& j : joints)
+                if (j.is_array() && j.size() >= 7) change(j);
+        };
+        const int kind = int(random() % 10);
+        if (kind == 0) of_all([](auto& j) { j[3] = j[4] = j[5] = j[6] = 0; });
+        if (kind == 1)
+            of_all([](auto& j) {
+                for (int q = 3; q < 7; ++q) j[q] = -j[q].template get<double>();
+            });
+        if (kind == 2) of_all([&](auto& j) { j[0] = j[0].template get<double>() + 1; });
+        if (kind == 3) of_all([](auto& j) { j[0] = 1e308, j[1] = -1e308; });
+        if (kind == 4)
+            of_all([&](auto& j) {
+                for (int q = 0; q < 7; ++q) j[q] = 10 * u(random);
+            });
+        if (kind == 5) frame["t"] = u(random);
+        std::string text = frame.dump();
+        if (kind == 6) text.resize(text.size() / 2);
+        if (kind == 7) text = std::string(60000, '[');
+        if (kind == 8 && k % 50 == 0) usleep(500'000);  // gone for half a second
+        send(port, text);
+    }
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    std::ifstream in(log);
+    const std::string said(std::istreambuf_iterator<char>(in), {});
+    EXPECT_NE(said.find("messages that were none"), std::string::npos) << said;
+    for (const char* finger : {"thumb", "index"}) {
+        std::ifstream csv(out + "/" + finger + ".csv");
+        std::string line, cell;
+        std::getline(csv, line);
+        std::map<std::string, std::size_t> column;
+        std::istringstream head(line);
+        for (std::size_t c = 0; std::getline(head, cell, ','); ++c) column[cell] = c;
+        std::vector<double> last, now;
+        while (std::getline(csv, line)) {
+            now.clear();
+            std::istringstream row(line);
+            while (std::getline(row, cell, ',')) now.push_back(std::strtod(cell.c_str(), nullptr));
+            for (double v : now) ASSERT_TRUE(std::isfinite(v)) << finger << ": " << line;
+            for (int j = 1; j <= 3 && !last.empty(); ++j) {
+                const std::size_t c = column.at("sent" + std::to_string(j) + "_deg");
+                // 6 rad/s, and one tick of 20 ms at a time.
+                EXPECT_LE(std::abs(now[c] - last[c]), 6 * 0.020 * 57.3 + 1e-6) << finger << " at " << now[0];
+            }
+            last = now;
+        }
+    }
 }
 
 TEST(HandRecording, LinesAreReadAsTheyWereWritten) {

@@ -33,14 +33,28 @@ float float_at(const std::vector<std::uint8_t>& bytes, std::size_t at) {
 TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     Simulation s = make_simulation(load_scene(scenes + "press.toml"), 1);
     while (s.world.contact_surfaces[0].normal_force < 0.3) advance(s);
+    for (int k = 0; k < 40; ++k) advance(s);  // the thimble has followed
     const nlohmann::json stage = stage_of(s);
     std::vector<std::uint8_t> frame;
-    append_frame(frame, s, 123);
+    FeltPads pads(s);
+    const std::vector<FeltPad>& felt = pads.solve(s);
+    append_frame(frame, s, felt, 123);
     const auto& finger = stage["fingers"][0];
     const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();
     const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
     EXPECT_EQ(frame.size(), 8 + 36 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
-                                6 * (4 + 4 + 3 * 3));  // two frames, three legs
+                                6 * (4 + 4 + 3 * 3) +      // two frames, three legs
+                                4 + 8 * nodes + samples);  // the pad on the platform
+    // The platform presses about as hard as the table, and touches about the same samples.
+    EXPECT_NEAR(felt[0].normal_force, s.world.contact_surfaces[0].normal_force, 0.1);
+    int both = 0, either = 0;
+    for (std::size_t k = 0; k < samples; ++k) {
+        const int bits = frame[frame.size() - samples + k];
+        EXPECT_EQ(bits & 1, int(s.world.contact_surfaces[0].touches[k]));
+        both += bits == 3, either += bits != 0;
+    }
+    EXPECT_GT(both, 3);
+    EXPECT_LE(either - both, 4);
     EXPECT_NEAR(float_at(frame, 0), s.world.time, 1e-6);
     EXPECT_EQ(float_at(frame, 4), 123);
     const Pose<double> bone = bone_pose(s.world, s.fingers[0]);

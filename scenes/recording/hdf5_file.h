@@ -1,0 +1,17 @@
+#pragma once
+// Tables in an HDF5 file, for runs that are large, where the program was built with it.
+
+#include <map>
+
+#include "scenes/recording/series.h"
+
+namespace palpate {
+
+/// Whether this program can write HDF5.
+bool has_hdf5();
+
+/// One dataset per series, [row][column] f64, compressed; its columns' names, joined by commas, as attribute "columns".
+/// Names with slashes become groups. Throws InputError where the file cannot be written, or has_hdf5() is false.
+void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables);
+
+}  // namespace palpate

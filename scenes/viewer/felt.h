@@ -1,0 +1,57 @@
+#pragma once
+// What a user's finger undergoes: its pad, simulated again against the thimble's platform (Perez et al. 2017, Fig. 1).
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+#include "scenes/compare.h"
+
+namespace palpate {
+
+/// One finger's pad on its platform.
+struct FeltPad {
+    std::vector<Point> position;      ///< [node], bone frame [m]
+    std::vector<Vec3<double>> force;  ///< [sample], finger frame [N]
+    std::vector<char> touches;        ///< [sample]
+    double normal_force = 0;          ///< [N]
+    bool rendered = false;            ///< false: the thimble waits, without contact
+};
+
+/// Pads on platforms of all thimbles of a run, one after the other.
+class FeltPads {
+  public:
+    explicit FeltPads(const Simulation& simulation);
+    /// Solves every thimble's pad in the configuration that its last match gave.
+    const std::vector<FeltPad>& solve(const Simulation& simulation);
+    /// The same where only the configurations are known; `rendered` as FeltPad has it.
+    const std::vector<FeltPad>& solve(const std::vector<Coordinates>& w, const std::vector<char>& rendered);
+
+  private:
+    std::vector<DeviceModel> models_;
+    std::vector<PadOnPlatform> pads_;
+    std::vector<FeltPad> felt_;
+    oneapi::tbb::task_arena arena_{1};
+};
+
+/// Does it on a thread of low priority, so that a live run waits for nothing: what comes back is a little old.
+class FeltThread {
+  public:
+    explicit FeltThread(const Simulation& simulation);
+    ~FeltThread();
+    /// Asks for the pads as they are now, and returns the newest that are ready.
+    const std::vector<FeltPad>& ask(const Simulation& simulation);
+
+  private:
+    void serve();
+    FeltPads pads_;
+    std::vector<FeltPad> newest_, ready_;
+    std::vector<Coordinates> wanted_;
+    std::vector<char> rendered_;
+    bool asked_ = false, fresh_ = false, ending_ = false;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::thread thread_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,68 @@
+'use strict';
+// A run: its stage (fingers, objects, thimbles), its frames in the format of stage.h, and how they are coloured. Lengths in
+// metres there, in millimetres here.
+window.addEventListener('error', event => { document.body.dataset.error = event.message; });
+
+const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), stage = run.stage;
+for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
+const palette = ['#1f6feb', '#d9730d', '#2f9e44', '#c2255c', '#7048e8', '#0c8599', '#a61e4d', '#5c940d', '#862e9c', '#495057'];
+
+function bytesOf(text) {
+  const raw = atob(text), out = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; ++i) out[i] = raw.charCodeAt(i);
+  return out;
+}
+
+/** One frame as plain arrays; the reader follows append_frame() line by line. */
+function readFrame(view, at) {
+  let p = at;
+  const f32 = () => { p += 4; return view.getFloat32(p - 4, true); };
+  const i16 = () => { p += 2; return view.getInt16(p - 2, true); };
+  const pose = () => { const v = []; for (let i = 0; i < 7; ++i) v.push(f32()); return v; };
+  const frame = { time: f32(), step_us: f32(), fingers: [], objects: [], thimbles: [] };
+  for (const finger of stage.fingers) {
+    const n = finger.rest.length / 3;
+    const f = { bone: pose(), force: f32(), area: f32(), position: new Float32Array(3 * n), pressure: new Float32Array(n),
+      stretch: new Float32Array(n), limited: new Uint8Array(n), forces: new Float32Array(3 * finger.samples.length) };
+    for (let i = 0; i < n; ++i) {
+      for (let d = 0; d < 3; ++d) f.position[3 * i + d] = 2e-3 * i16();
+      p += 2; f.pressure[i] = 0.01 * view.getUint16(p - 2, true);
+      f.stretch[i] = view.getUint8(p++);
+      f.limited[i] = view.getUint8(p++);
+    }
+    for (let i = 0; i < f.forces.length; ++i) f.forces[i] = 2e-4 * i16();
+    frame.fingers.push(f);
+  }
+  for (let i = 0; i < stage.objects.length; ++i) frame.objects.push(pose());
+  for (const thimble of stage.thimbles) {
+    const t = { pose: pose(), q: [] };
+    for (let k = 0; k < thimble.joint_min.length; ++k) t.q.push(f32());
+    t.rms = f32();
+    p += 4; t.contact = view.getUint32(p - 4, true) !== 0;
+    t.links = thimble.links.map(count => Float32Array.from({ length: 3 * count }, () => 1e-2 * i16()));
+    const { rest, samples } = stage.fingers[thimble.finger], n = rest.length / 3;
+    t.felt = { force: f32(), position: new Float32Array(3 * n), pressure: new Float32Array(n), touches: [] };
+    for (let i = 0; i < n; ++i) {
+      for (let d = 0; d < 3; ++d) t.felt.position[3 * i + d] = 2e-3 * i16();
+      p += 2; t.felt.pressure[i] = 0.01 * view.getUint16(p - 2, true);
+    }
+    for (let i = 0; i < samples.length; ++i) t.felt.touches.push(view.getUint8(p++));
+    frame.thimbles.push(t);
+  }
+  frame.end = p;
+  return frame;
+}
+
+const quantities = {
+  pressure: { title: 'contact pressure', unit: 'kPa', least: 1, of: (f, i) => f.pressure[i] },
+  stretch: { title: 'stretch: departure from 1 (at a limit: blue)', unit: '%', least: 5, of: (f, i) => f.stretch[i] },
+  displacement: { title: 'displacement from rest', unit: 'mm', least: 0.1, of: (f, i, rest) =>
+    Math.hypot(f.position[3 * i] - rest[3 * i], f.position[3 * i + 1] - rest[3 * i + 1],
+               f.position[3 * i + 2] - rest[3 * i + 2]) },
+};
+for (const q of Object.values(quantities)) q.most = q.least;
+/** From skin to deep red. */
+function skinColour(t) {
+  t = Math.min(1, Math.max(0, t));
+  return [(236 + t * (150 - 236)) / 255, (196 + t * (12 - 196)) / 255, (172 + t * (38 - 172)) / 255];
+}
