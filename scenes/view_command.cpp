@@ -7,6 +7,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "scenes/carry_over.h"
 #include "scenes/commands.h"
 #include "scenes/hardware.h"
 #include "scenes/recording/run_file.h"
@@ -75,17 +76,28 @@ struct LiveRun {
     int single_steps = 0;
     double speed = 1;
 
-    void start() {
+    /// Loads the scene, and begins it anew; or, where it can, goes on where the run is.
+    void start(bool go_on = false) {
         Scene scene = load_scene(arguments.scene, overrides);
         nlohmann::json data{{"live", true},
                             {"about", "live"},
                             {"summary", ""},
                             {"scene", read_file(scene.file)},
                             {"settings", settings_of(scene)}};
-        if (simulation) disarm(*simulation);
-        simulation.reset();  // its controllers are free again
-        simulation = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        // A recorded run has one set of settings.
+        const bool goes_on = go_on && simulation && !record && carry_over(*simulation, *fresh);
+        if (!goes_on && simulation) disarm(*simulation);
+        simulation = std::move(fresh);  // the old one's controllers are free again
         felt = std::make_unique<FeltThread>(*simulation);
+        if (!goes_on) open_outside();
+        data["stage"] = stage_of(*simulation);
+        if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
+        page_data = std::move(data);
+        server.set_page(page_with(page_data));
+    }
+    /// Hands, the recording and controllers of a run that begins.
+    void open_outside() {
         const std::string source = arguments.tracker.empty() ? simulation->scene.tracker : arguments.tracker;
         if (!source.empty()) {
             if (!hands) hands = std::make_shared<LiveHands>(source, arguments.any_address);
@@ -96,10 +108,6 @@ struct LiveRun {
             record = std::make_unique<RunWriter>(arguments.record, *simulation, overrides);
         }
         if (arguments.arm) palpate::arm(*simulation, {!arguments.no_watchdog, "."});
-        data["stage"] = stage_of(*simulation);
-        if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
-        page_data = std::move(data);
-        server.set_page(page_with(page_data));
     }
     nlohmann::json page_data{};
     std::unique_ptr<RunWriter> record{};
@@ -131,10 +139,14 @@ struct LiveRun {
     /// Takes overrides over if the scene still loads with them, and says what is wrong if not.
     void set(const nlohmann::json& keys) {
         const std::vector<std::string> before = overrides;
-        for (const auto& key : keys)
-            if (key.is_string()) overrides.push_back(key.get<std::string>());
+        for (const auto& key : keys) {
+            if (!key.is_string()) continue;
+            const std::string wanted = key.get<std::string>(), name = wanted.substr(0, wanted.find('=') + 1);
+            std::erase_if(overrides, [&](const std::string& o) { return !name.empty() && o.starts_with(name); });
+            overrides.push_back(wanted);
+        }
         try {
-            start();
+            start(true);
             server.tell({{"error", ""}});
         } catch (const InputError& error) {
             overrides = before;

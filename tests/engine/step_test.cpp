@@ -201,6 +201,28 @@ TEST(Step, WhatIsNotNamedIsNotBuilt) {
 }
 
 /// At rest the filter takes the tremble away; in motion it lags by the delay that it reports, and no more.
+/// A hand that moves and turns evenly is where the lead says it will be.
+TEST(Trackers, ExtrapolationCarriesPosesOn) {
+    for (double lead : {0.0, 0.03}) {
+        PoseFilter f;
+        f.min_cutoff = 1000, f.speed_cutoff = 20, f.lead = lead;  // hardly a filter
+        Pose<double> out;
+        double time = 0;
+        auto at = [](double t) {
+            return Pose<double>{{0.2 * t, -0.1 * t, 0}, {std::cos(1.5 * t), 0, 0, std::sin(1.5 * t)}};
+        };
+        for (int k = 0; k < 200; ++k) time = 0.005 * k, out = filter_pose(f, at(time), time);
+        const Pose<double> wanted = at(time + lead);
+        EXPECT_NEAR(out.position.x, wanted.position.x, 1e-4) << lead;
+        EXPECT_NEAR(out.position.y, wanted.position.y, 1e-4) << lead;
+        EXPECT_LT(norm(shorter_twice_vector(out.rotation * conjugate(wanted.rotation))), 2e-3) << lead;
+        EXPECT_NEAR(f.delay, 1 / (2 * M_PI * (1000 + 0.05 * 1e3 * norm(Vec3<double>{0.2, 0.1, 0}))) - lead, 1e-4);
+        // At rest it stays, wherever it came from.
+        for (int k = 0; k < 400; ++k) time += 0.005, out = filter_pose(f, wanted, time);
+        EXPECT_LT(norm(out.position - wanted.position), 1e-6) << lead;
+    }
+}
+
 TEST(Trackers, OneEuroFilterCalmsAHandAtRestAndReportsItsDelay) {
     PoseFilter f;
     std::mt19937 random(4);

@@ -15,6 +15,8 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "scenes/carry_over.h"
+#include "scenes/recording/run_file.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 #include "tests/support.h"
@@ -115,6 +117,11 @@ TEST(Report, IsOneFileThatABrowserPlays) {
         EXPECT_EQ(attribute(*page, "data-error"), "");
         EXPECT_GT(std::atoi(attribute(*page, "data-colours").c_str()), 50) << "the picture is blank";
     }
+    // Kept beside the tests, for whoever wants to see them.
+    std::filesystem::create_directories("screenshots");
+    shell(browser + "--virtual-time-budget=3000 --screenshot=screenshots/report.png 'file://" + file +
+          "#t=0.5&still=1'");
+    EXPECT_GT(std::filesystem::file_size("screenshots/report.png"), 20'000u);
     // Contact shows: pixels of the scale's deep red.
     EXPECT_GT(std::atoi(attribute(during, "data-red").c_str()), std::atoi(attribute(before, "data-red").c_str()) + 20);
 }
@@ -151,7 +158,7 @@ struct Client {
     mg_connection* connection = nullptr;
     std::mutex mutex;
     std::condition_variable changed;
-    std::vector<float> times;
+    std::vector<float> times, forces;
     std::vector<std::string> texts;
     bool closed = false;
 
@@ -166,6 +173,11 @@ struct Client {
                     float time;
                     std::memcpy(&time, data, 4);
                     c.times.push_back(time);
+                    if (size >= 40) {
+                        float force;  // of the first finger
+                        std::memcpy(&force, data + 36, 4);
+                        c.forces.push_back(force);
+                    }
                 } else if ((kind & 0xf) == MG_WEBSOCKET_OPCODE_TEXT) {
                     c.texts.emplace_back(data, size);
                 }
@@ -192,6 +204,31 @@ struct Client {
         return changed.wait_for(lock, std::chrono::seconds(20), condition);
     }
 };
+
+/// A run that goes on in another simulation of the same settings gives the same bits; with others it goes on, too.
+TEST(CarryOver, GoesOnWhereTheRunWas) {
+    for (const char* name : {"hold_ball.toml", "pinch.toml"}) {
+        Simulation run = make_simulation(load_scene(scenes + name), 2);
+        while (run.world.time < 1.2) advance(run);
+        Simulation other = make_simulation(load_scene(scenes + name), 2);
+        Simulation twin = make_simulation(load_scene(scenes + name), 2);
+        while (twin.world.time < run.world.time - 1e-9) advance(twin);
+        ASSERT_TRUE(carry_over(run, other));
+        for (int k = 0; k < 20; ++k) {
+            advance(other), advance(twin);
+            ASSERT_EQ(outcome_of(other).hashes, outcome_of(twin).hashes) << name << ", step " << k;
+        }
+        const double held = other.world.shapes[1].pose.position.z;
+        Simulation softer = make_simulation(load_scene(scenes + name, {"object.table.friction=0.3"}), 2);
+        Simulation finer = make_simulation(load_scene(scenes + name, {"finger.index.elements=500"}), 2);
+        EXPECT_FALSE(carry_over(other, finer)) << "other meshes";
+        ASSERT_TRUE(carry_over(other, softer));
+        for (int k = 0; k < 50; ++k) advance(softer);
+        EXPECT_GT(softer.world.time, 1.5);
+        EXPECT_GT(softer.world.shapes[1].pose.position.z, held - 0.002) << "it was dropped";
+        for (const EntityId finger : softer.fingers) EXPECT_TRUE(skin_status(softer.world, finger).converged);
+    }
+}
 
 TEST(ViewServer, ServesFramesAndTakesCommandsButNotFromStrangers) {
     ViewServer server(0, false);
@@ -242,17 +279,33 @@ TEST(View, ShowsARunThatObeys) {
     {
         Client client(port);
         ASSERT_TRUE(client.connection);
-        EXPECT_TRUE(client.wait_for([&] { return client.times.size() > 5 && client.times.back() > 0.1f; }));
-        client.send(R"({"set":["finger.index.material.young_kPa=60"]})");  // the run begins anew
+        EXPECT_TRUE(client.wait_for([&] { return client.times.size() > 5 && client.times.back() > 0.5f; }));
+        client.send(R"({"pause":true})");
+        client.send(R"({"set":["finger.index.material.young_kPa=90"]})");
+        client.send(R"({"pause":false})");
+        // Stiffer tissue presses harder, and the run goes on: its time does not fall back before the force has risen.
+        float before = 0, until = 0;
         EXPECT_TRUE(client.wait_for([&] {
-            for (std::size_t i = 1; i < client.times.size(); ++i)
-                if (client.times[i] < client.times[i - 1]) return true;
+            for (std::size_t i = 1; i < client.times.size(); ++i) {
+                if (client.times[i] > 0.5f && before == 0) before = client.forces[i], until = client.times[i];
+                if (before > 0 && client.times[i] < until) return false;
+                if (before > 0 && client.forces[i] > 1.1f * before) return true;
+                if (before > 0) until = client.times[i];
+            }
+            before = 0;
             return false;
         }));
         client.send(R"({"set":["finger.index.material.young_kPa=-1"]})");
         EXPECT_TRUE(client.wait_for([&] {
             for (const auto& t : client.texts)
                 if (t.find("young_kPa") != std::string::npos) return true;
+            return false;
+        }));
+        client.send(R"({"set":["finger.index.device.method=plane"]})");
+        client.send(R"({"restart":true})");
+        EXPECT_TRUE(client.wait_for([&] {
+            for (std::size_t i = 1; i < client.times.size(); ++i)
+                if (client.times[i] < client.times[i - 1]) return true;
             return false;
         }));
         if (browser_is_installed()) {

@@ -1,0 +1,102 @@
+#include "scenes/carry_over.h"
+
+#include <algorithm>
+
+#include "scenes/hardware.h"
+
+namespace palpate {
+
+namespace {
+
+template <class T>
+bool alike(const std::vector<SkinChunk<T>>& a, const std::vector<SkinChunk<T>>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
+        return x.width == y.width && x.used_lanes == y.used_lanes && x.slot_capacity == y.slot_capacity &&
+               x.topology->elements == y.topology->elements && x.topology->samples == y.topology->samples &&
+               x.finger == y.finger;
+    });
+}
+
+bool alike(const Simulation& a, const Simulation& b) {
+    const World &u = a.world, &v = b.world;
+    if (!alike(u.double_chunks, v.double_chunks) || !alike(u.float_chunks, v.float_chunks)) return false;
+    if (u.shapes.size() != v.shapes.size() || u.bodies.size() != v.bodies.size() ||
+        u.pose_filters.size() != v.pose_filters.size() || u.body_solve.pairs.size() != v.body_solve.pairs.size())
+        return false;
+    for (std::size_t i = 0; i < u.shapes.size(); ++i) {
+        const RigidShape &x = u.shapes[i], &y = v.shapes[i];
+        const bool moves = x.body >= 0 || x.held_body >= 0, would_move = y.body >= 0 || y.held_body >= 0;
+        if (x.shape.kind != y.shape.kind || moves != would_move) return false;
+    }
+    return std::equal(u.matchings.begin(), u.matchings.end(), v.matchings.begin(), v.matchings.end(),
+                      [](const Matching& x, const Matching& y) {
+                          return x.finger == y.finger && x.model.kind->name == y.model.kind->name &&
+                                 x.model.joint_min == y.model.joint_min && x.model.joint_max == y.model.joint_max &&
+                                 x.model.geometry == y.model.geometry && x.force_mode == y.force_mode;
+                      });
+}
+
+template <class T>
+void carry_chunks(const std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T>>& to) {
+    for (std::size_t k = 0; k < from.size(); ++k) {
+        const SkinState<T>& a = from[k].state;
+        SkinState<T>& b = to[k].state;
+        b.origin = a.origin;
+        // Arrays that one of them has not are those of friction or limits, which were just switched.
+        auto carry = [](const LaneArray<T>& x, LaneArray<T>& y) {
+            if (x.size() == y.size()) y = x;
+        };
+        carry(a.position, b.position), carry(a.velocity, b.velocity), carry(a.bone, b.bone);
+        carry(a.bone_velocity, b.bone_velocity), carry(a.limit_multiplier, b.limit_multiplier);
+        carry(a.normal_multiplier, b.normal_multiplier), carry(a.tangential_multiplier, b.tangential_multiplier);
+        carry(a.friction_radius, b.friction_radius), carry(a.friction_normal, b.friction_normal);
+        carry(a.svd_guess, b.svd_guess), carry(a.penalty_scale, b.penalty_scale);
+        to[k].status = from[k].status;  // the next step begins by it
+        to[k].slots = from[k].slots;
+        // Shapes of meshes are those of the new objects; detect_contacts puts them in.
+        for (ContactSlot& slot : to[k].slots) slot.shape = {};
+    }
+}
+
+}  // namespace
+
+bool carry_over(Simulation& from, Simulation& to) {
+    if (!alike(from, to)) return false;
+    World &u = from.world, &v = to.world;
+    v.time = u.time, v.step = u.step;
+    carry_chunks(u.double_chunks, v.double_chunks);
+    carry_chunks(u.float_chunks, v.float_chunks);
+    v.tracker_poses = u.tracker_poses;
+    for (std::size_t i = 0; i < u.couplings.size(); ++i) {
+        const Coupling& a = u.couplings[i];
+        Coupling& b = v.couplings[i];
+        b.target = a.target, b.last_target = a.last_target, b.started = a.started, b.slowed = a.slowed;
+    }
+    for (std::size_t i = 0; i < u.shapes.size(); ++i) {
+        const RigidShape& a = u.shapes[i];
+        RigidShape& b = v.shapes[i];
+        b.pose = a.pose, b.previous = a.previous, b.body = a.body, b.held_body = a.held_body;
+    }
+    for (std::size_t i = 0; i < u.bodies.size(); ++i) {
+        const RigidBody& a = u.bodies[i];
+        RigidBody& b = v.bodies[i];
+        b.velocity = a.velocity, b.angular_momentum = a.angular_momentum, b.acceleration = a.acceleration;
+        b.contact_force = a.contact_force, b.contact_torque = a.contact_torque;
+        b.asleep = a.asleep && v.time < b.release;  // others look again where they are
+    }
+    v.body_solve.pairs = u.body_solve.pairs;
+    for (std::size_t i = 0; i < u.matchings.size(); ++i) {
+        const Matching& a = u.matchings[i];
+        Matching& b = v.matchings[i];
+        b.result = a.result, b.geometric = a.geometric, b.next = a.next, b.solves = a.solves;
+        b.q = a.q, b.torque = a.torque, b.force_N = a.force_N;
+        v.device_links[i].mailbox = &from.loops[i]->mailbox;
+    }
+    to.loops = std::move(from.loops);
+    to.hardware = std::move(from.hardware);
+    to.live = from.live;
+    to.pace = from.pace;
+    return true;
+}
+
+}  // namespace palpate
