@@ -28,7 +28,7 @@ std::vector<FitParameter> fit_parameters(const FingerModel& model) {
                        for (TissueLayer& l : m.layers) l.young_modulus *= v * kPa / m.spec.young_modulus;
                        m.spec.young_modulus = v * kPa;
                    }});
-    add("poisson", 0.3, 0.495, false, 1, [](FingerModel& m) -> double& { return m.spec.poisson_ratio; });
+    add("poisson", 0.05, 0.495, false, 1, [](FingerModel& m) -> double& { return m.spec.poisson_ratio; });
     add("low", 0.3, 0.9, false, 1, [](FingerModel& m) -> double& { return m.spec.limit_low; });
     add("high", 1.1, 3, false, 1, [](FingerModel& m) -> double& { return m.spec.limit_high; });
     if (model.mesh.source == FingerMeshRequest::Source::parametric) {

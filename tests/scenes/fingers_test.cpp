@@ -113,9 +113,14 @@ TEST(Indentation, AFingerAloneAndBesideOthersGivesTheSameBits) {
     }
 }
 
-/// What the README says of the default index finger, at the paper's mesh size.
-TEST(Indentation, TheDefaultIndexFingerLiesInsideTheBands) {
-    const Indentation press{built(named("index-median")), 30 * degree, 0, 4e-3};
+/// What the README says of the default index finger, at the paper's mesh size and at a fine one.
+class IndexFinger : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Indentation, IndexFinger, ::testing::Values(347, 4000));
+
+TEST_P(IndexFinger, LiesInsideTheBands) {
+    FingerModel model = named("index-median");
+    model.mesh.elements = GetParam();
+    const Indentation press{built(model), 30 * degree, 0, 4e-3};
     oneapi::tbb::task_arena arena(2);
     const IndentationCurve curve = pressed({press}, {.steps = 40, .force_limit = 6})[0];
     const FingertipFigures f = fingertip_figures(press, curve, 0.8, arena);
@@ -161,7 +166,7 @@ TEST(Layers, OfTheSameMaterialChangeNothing) {
         EXPECT_NEAR(a[0].points[k].force, b[0].points[k].force, 1e-4 * (1e-3 + a[0].points[k].force));
 }
 
-TEST(FingerFiles, EveryPresetBuildsAndMedianOnesAreTheBuiltInShapes) {
+TEST(FingerFiles, EveryPresetBuildsAndMedianOnesAreNearTheBuiltInShapes) {
     const auto names = finger_preset_names();
     EXPECT_EQ(names.size(), 15u);
     for (const std::string& name : names) {
@@ -172,9 +177,9 @@ TEST(FingerFiles, EveryPresetBuildsAndMedianOnesAreTheBuiltInShapes) {
         EXPECT_EQ(f.element_young.size(), f.mesh.tets.size());
         if (!name.ends_with("-median")) continue;
         const FingerShape shape = finger_shape(name.substr(0, name.size() - 7));
-        EXPECT_DOUBLE_EQ(m.mesh.shape.length, shape.length);
-        EXPECT_DOUBLE_EQ(m.mesh.shape.width, shape.width);
-        EXPECT_DOUBLE_EQ(m.mesh.shape.thickness, shape.thickness);
+        EXPECT_NEAR(m.mesh.shape.length, shape.length, 0.1 * shape.length);
+        EXPECT_NEAR(m.mesh.shape.width, shape.width, 0.13 * shape.width);
+        EXPECT_NEAR(m.mesh.shape.thickness, shape.thickness, 0.1 * shape.thickness);
     }
 }
 
@@ -206,7 +211,7 @@ TEST(FingerFiles, ASceneUsesThemAndItsOwnTablesComeFirst) {
            "[[finger]]\nname = \"b\"\nfinger = \"index-large\"\nmaterial = { poisson = 0.3 }\n";
     const Scene scene = load_scene(scratch.path / "scene.toml");
     EXPECT_TRUE(scene.spec.fingers[0].has_limits);
-    EXPECT_EQ(scene.spec.fingers[0].young_modulus, 12e3);
+    EXPECT_EQ(scene.spec.fingers[0].young_modulus, 11.5e3);
     EXPECT_EQ(scene.spec.fingers[1].poisson_ratio, 0.3);
     EXPECT_GT(scene.finger_models[1].mesh.shape.length, scene.finger_models[0].mesh.shape.length);
     std::ofstream(scratch.path / "bad.toml") << "[[finger]]\nfinger = \"toe\"\n[[finger]]\nfinger = \"none.toml\"\n";
