@@ -21,7 +21,7 @@ struct IndentArguments {
     std::vector<double> angles_deg{30};
     std::vector<int> elements{0};  // as the finger says
     double roll_deg = 0, depth_mm = 4, force_N = 6, speed_mm_per_s = 0, friction = 0, shear_friction = 0.8;
-    int steps = 40;
+    int steps = 120;
     std::string out = "results/indent";
     bool json = false;
 };

@@ -122,7 +122,7 @@ TEST_P(IndexFinger, LiesInsideTheBands) {
     model.mesh.elements = GetParam();
     const Indentation press{built(model), 30 * degree, 0, 4e-3};
     oneapi::tbb::task_arena arena(2);
-    const IndentationCurve curve = pressed({press}, {.steps = 40, .force_limit = 6})[0];
+    const IndentationCurve curve = pressed({press}, {.steps = 120, .force_limit = 6})[0];
     const FingertipFigures f = fingertip_figures(press, curve, 0.8, arena);
     auto between = [](double v, double low, double high) { return v >= low && v <= high; };
     EXPECT_PRED3(between, 1e3 * f.displacement_1N, 1.2, 2.2);
