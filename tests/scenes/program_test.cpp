@@ -197,7 +197,8 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
     for (const auto& loop : s.loops) EXPECT_EQ(loop->status.stale, 0);
 }
 INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene,
-                         ::testing::Values("press", "edge", "ball", "soft_ball", "roll", "hand", "recorded_hand"),
+                         ::testing::Values("press", "edge", "corner", "ridge", "hole", "cylinder", "ball", "soft_ball",
+                                           "roll", "hand", "recorded_hand"),
                          [](const auto& i) { return i.param; });
 
 /// Contact forces of all fingers, samples and steps.
@@ -216,9 +217,9 @@ std::vector<std::vector<Vec3<double>>> force_fields(const std::string& scene,
 
 class EverySceneAndGrasp : public ::testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Scenes, EverySceneAndGrasp,
-                         ::testing::Values("press", "edge", "ball", "soft_ball", "roll", "hand", "recorded_hand",
-                                           "pinch", "egg", "pen", "hold_ball", "hold_mug", "two_hands",
-                                           "recorded_grasp"),
+                         ::testing::Values("press", "edge", "corner", "ridge", "hole", "cylinder", "ball", "soft_ball",
+                                           "roll", "hand", "recorded_hand", "pinch", "egg", "pen", "hold_ball",
+                                           "hold_mug", "two_hands", "recorded_grasp"),
                          [](const auto& i) { return i.param; });
 
 /// With the few iterations of the preset in both, and converged in both.
