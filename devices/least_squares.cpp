@@ -50,13 +50,6 @@ Coordinates step_inside_limits(const DeviceModel& model, const Coordinates& w, c
     return d;
 }
 
-Coordinates shorten_to_workspace(const DeviceModel& model, const Coordinates& w, Coordinates d) {
-    if (!d.allFinite()) return Coordinates::Zero(w.size());
-    for (int k = 0; k < 12; ++k, d *= 0.5)
-        if (inside_workspace(model, w + d, 1e-9)) return d;
-    return Coordinates::Zero(w.size());
-}
-
 bool configuration_of(const DeviceModel& model, const Coordinates& q, Coordinates& w) {
     const DeviceKind& kind = *model.kind;
     if (kind.open_chain) return w = q, q.allFinite();
@@ -71,6 +64,19 @@ bool configuration_of(const DeviceModel& model, const Coordinates& q, Coordinate
         w += d;
     }
     return (kind.joints(model, w).q - q).cwiseAbs().maxCoeff() < 1e-9;
+}
+
+Coordinates move_inside_limits(const DeviceModel& model, const Coordinates& w, Coordinates d) {
+    if (!d.allFinite()) return w;
+    for (int k = 0; k < 12; ++k, d *= 0.5) {
+        Coordinates moved = w + d;
+        const Joints joints = model.kind->joints(model, moved);
+        if (!joints.closed || !joints.q.allFinite()) continue;
+        const Coordinates q = joints.q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
+        if (q == joints.q) return moved;
+        if (configuration_of(model, q, moved) && inside_workspace(model, moved, 1e-9)) return moved;
+    }
+    return w;
 }
 
 }  // namespace palpate

@@ -10,10 +10,11 @@ namespace palpate {
 Coordinates step_inside_limits(const DeviceModel& model, const Coordinates& w, const DeviceJacobian& H,
                                const Coordinates& g);
 
-/// The step, halved until w + d is inside the workspace; zero where it never is.
-Coordinates shorten_to_workspace(const DeviceModel& model, const Coordinates& w, Coordinates d);
-
 /// Configuration whose joint angles are q, from a guess, by Newton. Returns whether it was found.
 bool configuration_of(const DeviceModel& model, const Coordinates& q, Coordinates& w);
+
+/// w + d, brought inside the joint limits: joints that it takes beyond one stop there. Where that is no configuration,
+/// the step is halved, in the end to nothing.
+Coordinates move_inside_limits(const DeviceModel& model, const Coordinates& w, Coordinates d);
 
 }  // namespace palpate

@@ -41,6 +41,7 @@ struct MatchingSettings {
     int evaluations = 100;    ///< most evaluations of the objective
     double smoothing = 0;     ///< weight of the distance from the last configuration [mm^2]
     bool non_contact = true;  ///< include N_O (Eq. 3's second sum)
+    int sideways_starts = 8;  ///< searches beside the contact, of platforms that can slide along themselves
     // Of the method "force" (engine/thimbles/force_matching.h):
     int force_rounds = 1;      ///< solves of the pad, in all lanes at once, per rendering step
     int force_iterations = 3;  ///< most Newton iterations of each

@@ -115,6 +115,7 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     t.settings.force_rounds = s.integer("force_rounds", t.settings.force_rounds, 1, 100);
     t.settings.force_iterations = s.integer("force_iterations", t.settings.force_iterations, 1, 1000);
     t.settings.net_weight = s.number("net_weight", t.settings.net_weight, 0, 1e6);
+    t.settings.sideways_starts = s.integer("sideways_starts", t.settings.sideways_starts, 0, 1000);
     t.settings.non_contact = s.boolean("non_contact", true);
     if (t.force_mode && !(torques_for_force(t.model, t.model.rest, 1).norm() > 1e-9))
         s.complain("mode", "the joints of a " + kind + " cannot push its platform along its normal");

@@ -65,7 +65,7 @@ double residual_of(const Eigen::VectorXd& wanted, double net_weight, const Eigen
     return r.squaredNorm();
 }
 
-/// Gauss-Newton step about the centre for the forces wanted now.
+/// Where Gauss-Newton leads from the centre, for the forces wanted now.
 Coordinates gauss_newton(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings, double damping) {
     const Coordinates& scale = model.kind->configuration_scale;
     residual_of(m.wanted, settings.net_weight, m.centre_forces, m.residual);
@@ -81,7 +81,7 @@ Coordinates gauss_newton(ForceMatcher& m, const DeviceModel& model, const Matchi
     const Coordinates inverse = scale.cwiseInverse();
     H = inverse.asDiagonal() * H * inverse.asDiagonal();
     g = g.cwiseProduct(inverse);
-    return shorten_to_workspace(model, m.centre, step_inside_limits(model, m.centre, H, g));
+    return move_inside_limits(model, m.centre, step_inside_limits(model, m.centre, H, g));
 }
 
 void take_jacobian(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings) {
@@ -168,8 +168,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
     double best_cost = HUGE_VAL;
     // Where the last step's linearisation sends the forces wanted now.
     Coordinates next = geometric.w;
-    if (m.warm && inside_workspace(model, m.centre, 1e-7))
-        next = m.centre + gauss_newton(m, model, settings, m.damping);
+    if (m.warm && inside_workspace(model, m.centre, 1e-7)) next = gauss_newton(m, model, settings, m.damping);
     for (int round = 0; round < settings.force_rounds; ++round) {
         const Coordinates before = round == 0 && !m.warm ? geometric.w : m.centre;
         place_lanes(m, model, next, {round == 0 ? geometric.w : best.w, 0.5 * (before + next), before, geometric.w});
@@ -193,7 +192,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
         m.damping = best_lane >= 0 && best_lane <= neighbours ? std::max(1e-4, 0.2 * m.damping)
                     : best_lane >= 0                          ? std::min(0.1, 2 * m.damping)
                                                               : std::min(1.0, 8 * m.damping);
-        next = m.centre + gauss_newton(m, model, settings, m.damping);
+        next = gauss_newton(m, model, settings, m.damping);
     }
     if (!std::isfinite(best_cost)) {
         m.warm = false;

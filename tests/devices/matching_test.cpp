@@ -278,7 +278,7 @@ TEST_P(MatchingOfKind, HostileProblemsNeverLeaveTheJointBox) {
             const MatchingResult r = match(method, limited, points, settings, start);
             ASSERT_TRUE(r.w.allFinite() && r.q.allFinite()) << "trial " << trial;
             ASSERT_GE(joint_margins(limited, r.q).minCoeff(), 0);
-            ASSERT_LE(r.evaluations, 110);
+            ASSERT_LE(r.evaluations, 170);  // 100 from the last answer, 8 times 4 beside it, 30 from the best of those
             if ((k != 0 && k != 3) || trial % 17 == 0 || !inside_workspace(limited, start)) continue;
             const double before = matching_objective(limited, points, {}, start, start).value;
             if (r.status != MatchingStatus::no_contact) {
