@@ -80,6 +80,7 @@ std::vector<Gap> gaps_of(const std::vector<Contact>& contacts, const std::string
     settings.solver = solver;
     global.solver = MatchingSolver::multistart;
     global.evaluations = 300;
+    global.tolerance = 1e-6;
     const bool find_best = best.empty();
     Coordinates last;
     for (std::size_t i = 0; i < contacts.size(); ++i) {

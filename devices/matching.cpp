@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "devices/descent.h"
+#include "devices/least_squares.h"
 #include "devices/slsqp.h"
 
 namespace palpate {
@@ -146,6 +147,15 @@ MatchingResult match(MatchingMethod method, const DeviceModel& model, const std:
             return match_plane(model, points, settings, previous);
     }
     return {};
+}
+
+DeviceModel within_a_step(const DeviceModel& model, const Coordinates& from, double joint_step) {
+    DeviceModel near = model;
+    const Coordinates q = model.kind->joints(model, from).q;
+    near.joint_min = (q.array() - joint_step).max(model.joint_min.array()).min(model.joint_max.array());
+    near.joint_max = (q.array() + joint_step).min(model.joint_max.array()).max(model.joint_min.array());
+    near.rest = move_inside_limits(near, from, model.rest - from);
+    return near;
 }
 
 bool parse_method(const std::string& name, MatchingMethod& method) {

@@ -35,17 +35,28 @@ enum class MatchingSolver {
     multistart      ///< least squares from many places: slow, and the reference that says how local the others are
 };
 
+/// What force matching minimises of its errors: of each node's force, of the net force, of the area.
+enum class ForceNorm {
+    squares,  ///< sum of |F_i - Fbar_i|^2
+    sum       ///< sum of |F_i - Fbar_i|, which forgives what no pose can render in a few nodes
+};
+
 struct MatchingSettings {
     MatchingSolver solver = MatchingSolver::slsqp;
-    double tolerance = 1e-6;  ///< relative change of the scaled configuration at which SLSQP stops
+    double tolerance = 1e-4;  ///< relative change of the scaled configuration at which SLSQP stops
     int evaluations = 100;    ///< most evaluations of the objective
     double smoothing = 0;     ///< weight of the distance from the last configuration [mm^2]
     bool non_contact = true;  ///< include N_O (Eq. 3's second sum)
+    double joint_step = 0;  ///< farthest that a joint may move from one match to the next [rad]; 0: as far as it likes
     int sideways_starts = 8;  ///< searches beside the contact, of platforms that can slide along themselves
     // Of the method "force" (engine/thimbles/force_matching.h):
     int force_rounds = 1;      ///< solves of the pad, in all lanes at once, per rendering step
     int force_iterations = 3;  ///< most Newton iterations of each
-    double net_weight = 0;     ///< of the net force's error against that of the nodes' forces
+    ForceNorm force_norm = ForceNorm::squares;
+    double normal_weight = 1;      ///< of errors of the nodes' forces along the wanted net force
+    double tangential_weight = 1;  ///< of those across it
+    double net_weight = 0;         ///< of the net force's error against that of the nodes' forces
+    double area_weight = 0;        ///< of the touching area's error [N^2/mm^4, as the norm has it]
 };
 
 struct MatchingObjective {
@@ -73,7 +84,7 @@ struct MatchingResult {
     double rms_m = 0;     ///< root of the mean squared distance of touching points to the disk [m]
     int evaluations = 0;
     bool constraint_active = false;  ///< a joint is at its limit
-    double force_residual_N = 0;     ///< root of sum |F_i - Fbar_i|^2, as force matching solves it
+    double force_residual_N = 0;     ///< root of the sum of squares, or the sum, of weighted errors of forces
 };
 
 /// Eq. 2: minimise f over w subject to C(q(w)) >= 0, from the warm start `previous`.
@@ -88,6 +99,10 @@ MatchingResult match_plane(const DeviceModel&, const std::vector<MatchingPoint>&
 /// One of the three; for `force` the constrained match, from which it starts.
 MatchingResult match(MatchingMethod, const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,
                      const Coordinates& previous);
+
+/// The device as it is for one match when no joint may move farther than `joint_step` from where it is at `from`: joint
+/// limits that near, and a rest configuration as far towards the real one as they allow.
+DeviceModel within_a_step(const DeviceModel& model, const Coordinates& from, double joint_step);
 
 /// The reachable configuration nearest to w, in scaled coordinates.
 Coordinates project_to_workspace(const DeviceModel& model, const Coordinates& w);

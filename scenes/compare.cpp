@@ -74,12 +74,17 @@ struct Contestant {
 
     void render(const Matching& m, const Felt& wanted) {
         const auto start = std::chrono::steady_clock::now();
-        MatchingResult r = match(method, m.model, m.points, m.settings, last);
+        DeviceModel model = m.model;
+        if (m.settings.joint_step > 0) {
+            model = within_a_step(m.model, row.result.w.size() ? row.result.w : m.model.rest, m.settings.joint_step);
+            last = move_inside_limits(model, model.rest, last - model.rest);
+        }
+        MatchingResult r = match(method, model, m.points, m.settings, last);
         last = r.w;
         if (method == MatchingMethod::force) {
             for (std::size_t i = 0; i < wanted.force.size(); ++i)
                 for (int d = 0; d < 3; ++d) forces.wanted[std::ptrdiff_t(3 * i) + d] = wanted.force[i][d];
-            r = match_forces(forces, m.model, m.settings, r);
+            r = match_forces(forces, model, m.settings, r);
         }
         row.microseconds = 1e6 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         row.result = r;

@@ -114,7 +114,14 @@ void read_device(Section s, int finger, const std::filesystem::path& folder, Sce
     t.settings.solver = MatchingSolver(std::find(solvers.begin(), solvers.end(), solver) - solvers.begin());
     t.settings.force_rounds = s.integer("force_rounds", t.settings.force_rounds, 1, 100);
     t.settings.force_iterations = s.integer("force_iterations", t.settings.force_iterations, 1, 1000);
+    t.settings.force_norm =
+        s.choice("force_norm", "squares", {"squares", "sum"}) == "sum" ? ForceNorm::sum : ForceNorm::squares;
+    t.settings.normal_weight = s.number("normal_weight", t.settings.normal_weight, 0, 1e6);
+    t.settings.tangential_weight = s.number("tangential_weight", t.settings.tangential_weight, 0, 1e6);
     t.settings.net_weight = s.number("net_weight", t.settings.net_weight, 0, 1e6);
+    t.settings.area_weight = s.number("area_weight", t.settings.area_weight, 0, 1e6);
+    if (s.has("joint_speed_deg_per_s"))
+        t.settings.joint_step = t.period * s.number("joint_speed_deg_per_s", 0, 1, 1e5, degree);
     t.settings.sideways_starts = s.integer("sideways_starts", t.settings.sideways_starts, 0, 1000);
     t.settings.non_contact = s.boolean("non_contact", true);
     if (t.force_mode && !(torques_for_force(t.model, t.model.rest, 1).norm() > 1e-9))

@@ -52,28 +52,61 @@ void solve_lanes(ForceMatcher& m, const DeviceModel& model) {
     }
 }
 
-/// What is wrong with forces: F - Fbar, and with a weight the same of their sum.
-double residual_of(const Eigen::VectorXd& wanted, double net_weight, const Eigen::Ref<const Eigen::VectorXd>& forces,
-                   Eigen::VectorXd& r) {
-    const auto n = wanted.size();
-    r.head(n) = forces - wanted;
-    r.tail<3>().setZero();
-    if (net_weight > 0) {
-        for (std::ptrdiff_t i = 0; i < n; i += 3) r.tail<3>() += r.segment<3>(i);
-        r.tail<3>() *= std::sqrt(net_weight);
+/// Touching area of these forces [mm^2]. A sample counts in full from a few mN on.
+double touching_area(const ForceMatcher& m, const Eigen::Ref<const Eigen::VectorXd>& forces) {
+    constexpr double half = 1e-3;  // [N]
+    double area = 0;
+    for (std::ptrdiff_t s = 0; s < m.area.size(); ++s) {
+        const double f = forces.segment<3>(3 * s).norm();
+        area += m.area[s] * f / (f + half);
     }
-    return r.squaredNorm();
+    return area;
 }
 
-/// Where Gauss-Newton leads from the centre, for the forces wanted now.
+/// What is wrong with forces, weighted: of each sample, of their sum, of the touching area. Returns its norm.
+double residual_of(const ForceMatcher& m, const MatchingSettings& settings,
+                   const Eigen::Ref<const Eigen::VectorXd>& forces, Eigen::VectorXd& r) {
+    const auto n = m.wanted.size();
+    Eigen::Vector3d net = Eigen::Vector3d::Zero();
+    for (std::ptrdiff_t i = 0; i < n; i += 3) net += m.wanted.segment<3>(i);
+    const Eigen::Vector3d along = net.normalized();
+    const double normal = std::sqrt(settings.normal_weight), tangential = std::sqrt(settings.tangential_weight);
+    net.setZero();
+    for (std::ptrdiff_t i = 0; i < n; i += 3) {
+        const Eigen::Vector3d d = forces.segment<3>(i) - m.wanted.segment<3>(i);
+        net += d;
+        r.segment<3>(i) = tangential * d + (normal - tangential) * along.dot(d) * along;
+    }
+    r.segment<3>(n) = std::sqrt(settings.net_weight) * net;
+    r[n + 3] = settings.area_weight > 0
+                   ? std::sqrt(settings.area_weight) * (touching_area(m, forces) - touching_area(m, m.wanted))
+                   : 0;
+    if (settings.force_norm == ForceNorm::squares) return r.squaredNorm();
+    double sum = std::abs(r[n + 3]);
+    for (std::ptrdiff_t i = 0; i < n + 3; i += 3) sum += r.segment<3>(i).norm();
+    return sum;
+}
+
+/// Where Gauss-Newton leads from the centre, for the forces wanted now. A sum of errors is the sum of squares of which
+/// each is weighted by its inverse (iteratively reweighted least squares).
 Coordinates gauss_newton(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings, double damping) {
     const Coordinates& scale = model.kind->configuration_scale;
-    residual_of(m.wanted, settings.net_weight, m.centre_forces, m.residual);
+    residual_of(m, settings, m.centre_forces, m.residual);
     const auto n = m.centre.size();
+    m.weighted = m.jacobian;
+    if (settings.force_norm == ForceNorm::sum) {
+        const double least = 0.01 * m.wanted.norm() + 1e-6;
+        const auto groups = m.wanted.size() / 3 + 1;
+        for (std::ptrdiff_t g = 0; g < groups; ++g)
+            m.weight[g] = 1 / std::max(least, m.residual.segment<3>(3 * g).norm());
+        m.weight[groups] = 1 / std::max(least, std::abs(m.residual[3 * groups]));
+        const double mean = m.weight.mean();
+        for (std::ptrdiff_t i = 0; i < m.residual.size(); ++i) { m.weighted.row(i) *= m.weight[i / 3] / mean; }
+    }
     DeviceJacobian H(n, n);
     Coordinates g(n);
-    H.noalias() = m.jacobian.transpose() * m.jacobian;
-    g.noalias() = m.jacobian.transpose() * m.residual;
+    H.noalias() = m.weighted.transpose() * m.jacobian;
+    g.noalias() = m.weighted.transpose() * m.residual;
     // What no force tells stays as it is.
     const double level = std::max(1e-12, H.diagonal().maxCoeff());
     H.diagonal().array() += damping * level + 1e-6 * m.wanted.squaredNorm();
@@ -86,16 +119,12 @@ Coordinates gauss_newton(ForceMatcher& m, const DeviceModel& model, const Matchi
 
 void take_jacobian(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings) {
     const Coordinates& scale = model.kind->configuration_scale;
-    const auto n = m.lane_w[0].size();
     const Coordinates& about = m.lane_w[0];
-    for (std::ptrdiff_t k = 0; k < n; ++k) {
+    residual_of(m, settings, m.forces.col(0), m.residual);
+    for (std::ptrdiff_t k = 0; k < about.size(); ++k) {
         const double h = (m.lane_w[std::size_t(k) + 1][k] - about[k]) / scale[k];
-        auto column = m.jacobian.col(k);
-        column.head(m.wanted.size()) = (m.forces.col(k + 1) - m.forces.col(0)) / h;
-        column.tail<3>().setZero();
-        if (settings.net_weight <= 0) continue;
-        for (std::ptrdiff_t i = 0; i < m.wanted.size(); i += 3) column.tail<3>() += column.segment<3>(i);
-        column.tail<3>() *= std::sqrt(settings.net_weight);
+        residual_of(m, settings, m.forces.col(k + 1), m.moved);
+        m.jacobian.col(k) = (m.moved - m.residual) / h;
     }
     m.warm = true;
 }
@@ -150,8 +179,14 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
     const auto n = std::ptrdiff_t(3 * topology->samples.size());
     m.forces.setZero(n, lane_count(m));
     m.wanted.setZero(n);
-    m.residual.setZero(n + 3);
-    m.jacobian.setZero(n + 3, model.rest.size());
+    const std::vector<double> areas = nodal_areas(*skin.mesh);
+    m.area.resize(n / 3);
+    for (std::ptrdiff_t i = 0; i < n / 3; ++i) m.area[i] = 1e6 * areas[std::size_t(topology->samples[std::size_t(i)])];
+    m.residual.setZero(n + 4);
+    m.moved.setZero(n + 4);
+    m.weight.setZero(n / 3 + 2);
+    m.jacobian.setZero(n + 4, model.rest.size());
+    m.weighted = m.jacobian;
     m.centre_forces.setZero(n);
     m.centre = model.rest;
     return m;
@@ -176,7 +211,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
         int best_lane = -1;
         for (int lane = 0; lane < lane_count(m); ++lane) {
             const Coordinates& w = m.lane_w[std::size_t(lane)];
-            const double cost = residual_of(m.wanted, settings.net_weight, m.forces.col(lane), m.residual);
+            const double cost = residual_of(m, settings, m.forces.col(lane), m.residual);
             if (!(cost < best_cost) || !inside_workspace(model, w, 1e-7)) continue;
             best_cost = cost;
             best.w = w;
@@ -200,7 +235,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
     }
     best.q = model.kind->joints(model, best.w).q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
     best.constraint_active = joint_margins(model, best.q).minCoeff() < 1e-5;
-    best.force_residual_N = std::sqrt(best_cost);
+    best.force_residual_N = settings.force_norm == ForceNorm::sum ? best_cost : std::sqrt(best_cost);
     best.status = MatchingStatus::matched;
     return best;
 }

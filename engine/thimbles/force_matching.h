@@ -24,8 +24,11 @@ struct ForceMatcher {
     std::vector<Coordinates> lane_w;  ///< [lane] configuration in which it was solved
     Eigen::MatrixXd forces;           ///< [3 per sample][lane] on the pad, finger frame [N]
     Eigen::VectorXd wanted;           ///< [3 per sample] of the virtual contact [N]
-    Eigen::VectorXd residual;         ///< [3 per sample + 3] scratch
-    Eigen::MatrixXd jacobian;         ///< [3 per sample + 3][component of w, scaled], about `centre`
+    Eigen::VectorXd area;             ///< [sample] share of the rest surface [mm^2]
+    Eigen::VectorXd residual, moved;  ///< [3 per sample + 4] scratch: weighted errors, of the net force, of the area
+    Eigen::VectorXd weight;           ///< [sample + 2] scratch: of each error where the norm is their sum
+    Eigen::MatrixXd jacobian;         ///< of the residual: [component of w, scaled], about `centre`
+    Eigen::MatrixXd weighted;         ///< scratch, as jacobian
     Eigen::VectorXd centre_forces;    ///< [3 per sample] at `centre`
     Coordinates centre;
     double damping = 1e-3;
@@ -38,7 +41,7 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
                                  const MatchingSettings& settings);
 
 /// Forces on the pad's nodes in the finger frame -> configuration. `geometric` is the match of the contact's shape:
-/// what comes back is never worse, by sum |F_i - Fbar_i|^2 as the matcher solves it. No allocation.
+/// what comes back is never worse, by the norm asked for, as the matcher solves the pad. No allocation.
 MatchingResult match_forces(ForceMatcher& matcher, const DeviceModel& model, const MatchingSettings& settings,
                             const MatchingResult& geometric);
 

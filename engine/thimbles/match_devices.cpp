@@ -1,5 +1,6 @@
 #include <oneapi/tbb/parallel_for.h>
 
+#include "devices/least_squares.h"
 #include "devices/platform_force.h"
 #include "engine/systems.h"
 
@@ -22,6 +23,20 @@ void command_force(const ContactSurface& surface, Matching& m) {
                    .cwiseAbs();
 }
 
+/// The match of this rendering step, for a device that can do what `model` says.
+void solve_match(const ContactSurface& surface, const DeviceModel& model, const Coordinates& start, Matching& m,
+                 ForceMatcher* forces) {
+    m.result = match(m.method, model, m.points, m.settings, start);
+    if (!forces) return;
+    m.geometric = m.result;
+    const Mat3<double> R = rotation_matrix(surface.bone.rotation);
+    for (std::size_t s = 0; s < surface.force.size(); ++s) {
+        const Vec3<double> f = transposed_times(R, surface.force[s]);
+        for (int d = 0; d < 3; ++d) forces->wanted[std::ptrdiff_t(3 * s) + d] = f[d];
+    }
+    m.result = match_forces(*forces, model, m.settings, m.geometric);
+}
+
 void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces) {
     const Eigen::Isometry3d to_device = m.model.mount.inverse();
     for (std::size_t s = 0; s < surface.position.size(); ++s) {
@@ -29,16 +44,13 @@ void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces)
         m.points[s].position = to_device * Eigen::Vector3d(p.x, p.y, p.z);
         m.points[s].touches = surface.touches[s] != 0;
     }
-    const Coordinates previous = m.solves > 0 ? m.result.w : m.model.rest;
-    m.result = match(m.method, m.model, m.points, m.settings, forces ? m.geometric.w : previous);
-    if (forces) {
-        m.geometric = m.result;
-        const Mat3<double> R = rotation_matrix(surface.bone.rotation);
-        for (std::size_t s = 0; s < surface.force.size(); ++s) {
-            const Vec3<double> f = transposed_times(R, surface.force[s]);
-            for (int d = 0; d < 3; ++d) forces->wanted[std::ptrdiff_t(3 * s) + d] = f[d];
-        }
-        m.result = match_forces(*forces, m.model, m.settings, m.geometric);
+    const Coordinates last = m.solves > 0 ? m.result.w : m.model.rest;
+    const Coordinates start = forces && m.solves > 0 ? m.geometric.w : last;
+    if (m.settings.joint_step > 0) {
+        const DeviceModel near = within_a_step(m.model, last, m.settings.joint_step);
+        solve_match(surface, near, move_inside_limits(near, last, start - last), m, forces);
+    } else {
+        solve_match(surface, m.model, start, m, forces);
     }
     if (m.force_mode) command_force(surface, m);
     ++m.solves;

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "devices/least_squares.h"
-#include "devices/matching.h"
+#include "devices/matching_objective.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -245,6 +245,62 @@ TEST_P(MatchingOfKind, SolversAgreeAndTheGapToTheBestKnownIsSmall) {
         std::printf("%s, %s: gap to the best of 65 starts: median %.2g, p95 %.2g, largest %.2g\n", GetParam().c_str(),
                     k ? "least squares" : "SLSQP", gaps[k][75], gaps[k][142], gaps[k].back());
         EXPECT_LT(gaps[k][75], 0.01) << (k ? "least squares" : "SLSQP");
+    }
+}
+
+TEST_P(MatchingOfKind, JointsMoveNoFartherThanAStep) {
+    // A plane that jumps about, and goes away: joints follow at their speed, and get there when it waits.
+    std::mt19937 random(14);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const DeviceModel m = model();
+    for (int k = 0; k < 5; ++k) {
+        MatchingSettings settings;
+        settings.joint_step = 4 * degree;
+        if (k >= 3) settings.solver = MatchingSolver(k - 3);
+        const auto method = MatchingMethod(k < 3 ? k : 0);
+        Coordinates w = m.rest;
+        std::vector<MatchingPoint> points;
+        for (int step = 0; step < 120; ++step) {
+            if (step % 40 == 0)
+                points = points_on(
+                    device(), Vector3d(15 * degree * u(random), 15 * degree * u(random), 0.0245 + 0.001 * u(random)),
+                    random);
+            if (step == 80)
+                for (MatchingPoint& p : points) p.touches = false;
+            const DeviceModel near = within_a_step(m, w, settings.joint_step);
+            const MatchingResult r = match(method, near, points, settings, w);
+            const Coordinates moved = r.q - m.kind->joints(m, w).q;
+            ASSERT_LE(moved.cwiseAbs().maxCoeff(), settings.joint_step + 2e-7) << "step " << step;
+            ASSERT_TRUE(inside_workspace(m, r.w, 1e-6));
+            w = r.w;
+        }
+        EXPECT_LT((w - m.rest).cwiseQuotient(m.kind->configuration_scale).norm(), 1e-9) << "at rest in the end";
+    }
+}
+
+TEST_P(MatchingOfKind, SamplesOutOfReachAreLeftOutWithoutATrace) {
+    std::mt19937 random(15);
+    std::uniform_real_distribution<double> u(-1, 1);
+    const DeviceModel m = model();
+    for (int trial = 0; trial < 300; ++trial) {
+        std::vector<MatchingPoint> points;
+        for (int i = 0; i < (trial % 10 ? 80 : 600); ++i)
+            points.push_back({Vector3d(0.02 * u(random), 0.02 * u(random), 0.024 + 0.02 * u(random)), i % 7 == 0});
+        const Coordinates about = random_configuration(m, random);
+        const NearSamples near = near_samples(m, points, {}, about);
+        EXPECT_TRUE(near.all || near.count < int(points.size()));
+        for (int k = 0; k < 20; ++k) {
+            // Near and far: beyond the bound every sample counts again.
+            const Coordinates w = about + std::pow(10.0, -k % 4) * (random_configuration(m, random) - about);
+            const MatchingObjective all = matching_objective(m, points, {}, about, w);
+            const MatchingObjective some = matching_objective(m, near, {}, about, w);
+            EXPECT_NEAR(some.value, all.value, 1e-12 * (1 + all.value));
+            EXPECT_LT((some.gradient - all.gradient).norm(), 1e-12 * (1 + all.gradient.norm()));
+            // And Gauss-Newton's form is the same function.
+            const MatchingResiduals r = matching_residuals(m, near, {}, about, w);
+            EXPECT_NEAR(r.value, all.value, 1e-12 * (1 + all.value));
+            EXPECT_LT((2 * r.gradient - all.gradient).norm(), 1e-9 * (1 + all.gradient.norm()));
+        }
     }
 }
 

@@ -368,6 +368,27 @@ TEST(ForceMatching, LowersTheErrorOfEveryContactThatThePlatformCanTouch) {
     }
 }
 
+TEST(ForceMatching, WeightsBuyWhatTheyName) {
+    // The mean error of one rendering of the ball, by setting: each weight against none.
+    const auto errors = [](const std::vector<std::string>& settings) {
+        const std::atomic<bool> stop{false};
+        CompareOptions options;
+        options.methods = {MatchingMethod::force};
+        Simulation s = make_simulation(load_scene(scenes + "ball.toml", settings), 2);
+        RenderingError sum;
+        for (const ComparedStep& row : compare(s, options, stop, {}).at(0)) {
+            sum.field_N += row.methods[0].error.field_N;
+            sum.net_N += row.methods[0].error.net_N;
+            sum.area_mm2 += row.methods[0].error.area_mm2;
+        }
+        return sum;
+    };
+    const RenderingError plain = errors({});
+    EXPECT_LT(errors({"finger.index.device.net_weight=30"}).net_N, 0.25 * plain.net_N);
+    EXPECT_LT(errors({"finger.index.device.area_weight=0.0001"}).area_mm2, 0.5 * plain.area_mm2);
+    EXPECT_LT(errors({"finger.index.device.force_norm=sum"}).field_N, 0.98 * plain.field_N);
+}
+
 TEST(RealData, TheRecordedHandDrivesFiveFingersToItsEnd) {
     PALPATE_NEED_SHARED_DATA(data);
     Simulation s = make_simulation(
