@@ -376,7 +376,8 @@ TEST(ForceMatching, WeightsBuyWhatTheyName) {
         options.methods = {MatchingMethod::force};
         Simulation s = make_simulation(load_scene(scenes + "ball.toml", settings), 2);
         RenderingError sum;
-        for (const ComparedStep& row : compare(s, options, stop, {}).at(0)) {
+        const auto steps = compare(s, options, stop, {}).at(0);
+        for (const ComparedStep& row : steps) {
             sum.field_N += row.methods[0].error.field_N;
             sum.net_N += row.methods[0].error.net_N;
             sum.area_mm2 += row.methods[0].error.area_mm2;
