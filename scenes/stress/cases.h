@@ -23,12 +23,16 @@ int inverted_elements(const World& world);
 // The cases, by their names in the table of stress.cpp.
 StressOutcome start_states(int effort, const std::atomic<bool>& stop);
 StressOutcome deformation_gradients(int effort, const std::atomic<bool>& stop);
+StressOutcome slivers(int effort, const std::atomic<bool>& stop);
 StressOutcome material_grid(int effort, const std::atomic<bool>& stop);
+StressOutcome unlike_neighbours(int effort, const std::atomic<bool>& stop);
 StressOutcome heavy_press(int effort, const std::atomic<bool>& stop);
 StressOutcome heavy_blow(int effort, const std::atomic<bool>& stop);
 StressOutcome tight_limits(int effort, const std::atomic<bool>& stop);
 StressOutcome contacts(int effort, const std::atomic<bool>& stop);
+StressOutcome friction_ends(int effort, const std::atomic<bool>& stop);
 StressOutcome tracker_faults(int effort, const std::atomic<bool>& stop);
+StressOutcome hard_matches(int effort, const std::atomic<bool>& stop);
 StressOutcome soak(int effort, const std::atomic<bool>& stop);
 StressOutcome determinism(int effort, const std::atomic<bool>& stop);
 StressOutcome one_finger_lost(int effort, const std::atomic<bool>& stop);
