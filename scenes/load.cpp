@@ -7,6 +7,7 @@
 #include "meshes/surface.h"
 #include "scenes/fingers/finger_model.h"
 #include "scenes/load_devices.h"
+#include "scenes/presets.h"
 #include "scenes/scene.h"
 #include "scenes/section.h"
 #include "scenes/trackers/hand_source.h"
@@ -41,16 +42,15 @@ std::vector<Keyframe> read_track(Section& owner) {
     return track;
 }
 
-/// Settings of the solve by preset; measured in the README's speed-accuracy table.
 void read_solver(Section s, Scene& scene) {
     SolverSettings& v = scene.spec.solver;
-    const std::string preset =
-        s.choice("preset", "reference", {"reference", "accurate", "balanced", "real-time", "fast"});
-    if (preset != "reference") {
-        v.newton_iterations = preset == "accurate" ? 6 : preset == "fast" ? 1 : 2;
-        v.tolerance = 1e-4;
-        v.multiplier_tolerance = 1e-3;
-    }
+    std::vector<std::string> presets = preset_names();
+    presets.emplace_back("real-time");  // an older name of "balanced"
+    const std::string preset = s.choice("preset", "reference", presets);
+    const auto place = std::find(presets.begin(), presets.end(), preset == "real-time" ? "balanced" : preset);
+    scene.preset = int(place - presets.begin());
+    apply_preset(scene.preset, v);
+    scene.deadline = s.number("deadline_ms", 0, 0, 1e4, ms);
     v.newton_iterations = s.integer("newton_iterations", v.newton_iterations, 1, 10000);
     v.tolerance = s.number("tolerance", v.tolerance, 1e-12, 0.1);
     v.multiplier_tolerance = s.number("multiplier_tolerance", v.multiplier_tolerance, 1e-12, 0.1);

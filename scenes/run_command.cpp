@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "meshes/input_error.h"
+#include "scenes/budget.h"
 #include "scenes/commands.h"
 #include "scenes/hardware.h"
 #include "scenes/recording/results.h"
@@ -51,35 +52,29 @@ struct RearmKey {
     }
 };
 
-/// The most accurate preset whose steps end within a budget, by running the scene's first second with each.
-std::string preset_within(const RunArguments& a, const std::vector<std::string>& overrides,
-                          const std::atomic<bool>& stop) {
+/// The preset for a budget; says what was measured.
+std::string affordable_preset(const RunArguments& a, const std::vector<std::string>& overrides,
+                              const std::atomic<bool>& stop) {
+    const BudgetChoice choice = preset_within(a.budget_ms, a.scene, overrides, a.threads, stop);
     std::string told;
-    for (const char* preset : {"reference", "accurate", "balanced", "fast"}) {
-        std::vector<std::string> tried = overrides;
-        tried.push_back(std::string("solver.preset=") + preset);
-        Simulation s = make_simulation(load_scene(a.scene, tried), a.threads);
-        s.scene.duration = std::min(s.scene.duration, std::max(1.0, 0.5 * s.scene.duration));
-        run(s, stop, {});
-        auto total = s.step_series.column("total_us");
-        std::sort(total.begin(), total.end());
-        const double p99 = total.empty() ? 0 : 1e-3 * total[std::size_t(0.99 * double(total.size() - 1))];
+    for (const PresetTime& t : choice.tried) {
         char line[80];
-        std::snprintf(line, sizeof line, "%s%s %.2f ms", told.empty() ? "" : ", ", preset, p99);
+        std::snprintf(line, sizeof line, "%s%s %.2f ms%s", told.empty() ? "" : ", ", t.preset.c_str(), t.p99_ms,
+                      t.cached ? " (measured earlier)" : "");
         told += line;
-        if (p99 > a.budget_ms && !stop) continue;
-        if (!a.quiet && !a.json) std::printf("budget %.3g ms: p99 of a step: %s\n", a.budget_ms, told.c_str());
-        return preset;
     }
-    throw InputError(a.scene + ": no preset keeps its steps within " + std::to_string(a.budget_ms) +
-                     " ms on this machine (p99: " + told + "); fewer elements, or fewer fingers, would");
+    if (choice.preset.empty() && !stop)
+        throw InputError(a.scene + ": no preset keeps its steps within " + std::to_string(a.budget_ms) +
+                         " ms on this machine (p99: " + told + "); fewer elements, or fewer fingers, would");
+    if (!a.quiet && !a.json) std::printf("budget %.3g ms: p99 of a step: %s\n", a.budget_ms, told.c_str());
+    return choice.preset.empty() ? "fast" : choice.preset;
 }
 
 int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
     if (a.statics) overrides.push_back("solver.static=true");
-    if (a.budget_ms > 0) overrides.push_back("solver.preset=" + preset_within(a, overrides, stop));
+    if (a.budget_ms > 0) overrides.push_back("solver.preset=" + affordable_preset(a, overrides, stop));
     Scene scene = load_scene(a.scene, overrides);
     if (!a.quiet && !a.json)
         for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)

@@ -37,9 +37,11 @@ struct Scene {
     std::string title;
     double duration = 1;  ///< [s]
     SceneSpec spec;
-    std::vector<Keyframe> hand;                                      ///< empty: the hand stays at the origin
-    std::vector<FingerMotion> finger_motions;                        ///< per finger
-    std::vector<std::vector<Keyframe>> object_motions;               ///< per object; empty: fixed
+    int preset = 3;                                     ///< of preset_names()
+    double deadline = 0;                                ///< of a step, for the governor of presets [s]; 0: none
+    std::vector<Keyframe> hand;                         ///< empty: the hand stays at the origin
+    std::vector<FingerMotion> finger_motions;           ///< per finger
+    std::vector<std::vector<Keyframe>> object_motions;  ///< per object; empty: fixed
     std::array<std::shared_ptr<const HandRecording>, 2> recordings;  ///< per hand; absent unless a finger follows it
     Pose<double> tracker_pose = Pose<double>::identity();            ///< tracker's or recording's frame -> world
     double recording_start = 0;                                      ///< time in the recording at scene time 0 [s]

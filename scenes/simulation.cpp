@@ -109,6 +109,10 @@ Simulation make_simulation(Scene scene, int threads) {
     }
     s.last_grips.resize(s.world.bodies.size() * s.fingers.size());
     s.step_series.columns = step_columns;
+    if (s.scene.deadline > 0) {
+        s.governor = make_governor(s.scene.deadline, s.scene.preset, s.world.solver);
+        s.step_series.columns.emplace_back("preset");
+    }
     s.step_series.reserve(std::min<std::size_t>(steps, 2000000));
     return s;
 }
@@ -116,6 +120,7 @@ Simulation make_simulation(Scene scene, int threads) {
 StepInputs next_inputs(const Simulation& s) {
     const double next = s.world.time + s.world.solver.dt;
     StepInputs inputs;
+    if (s.governor) inputs.preset = s.governor->preset;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const FingerMotion& motion = s.scene.finger_motions[i];
         if (!s.live || motion.followed_finger < 0) {
@@ -149,8 +154,10 @@ void advance(Simulation& s, const StepInputs& inputs) {
         w.tracker_poses.find(w.couplings.find(s.fingers[i])->tracker)->incoming = inputs.fingers[i];
     for (std::size_t i = 0; i < w.shapes.size(); ++i)
         if (w.shapes[i].body < 0) w.shapes[i].pose = inputs.objects[i];
+    if (s.governor && inputs.preset >= 0) w.solver = settings_of(*s.governor, inputs.preset);
     if (s.hardware) w.sampled_at = device_clock();
     step(w, *s.arena);
+    if (s.governor) govern(*s.governor, w.profile.total());
     if (!s.hardware)
         for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
@@ -160,6 +167,7 @@ void advance(Simulation& s, const StepInputs& inputs) {
     for (double seconds : {p.read_trackers, p.couple, p.detect_contacts, p.solve_skin, p.solve_bodies,
                            p.extract_contact, p.match_devices, p.publish, p.total()})
         s.step_series.values.push_back(1e6 * seconds);
+    if (s.governor) s.step_series.values.push_back(inputs.preset);
 }
 
 void run(Simulation& s, const std::atomic<bool>& stop,

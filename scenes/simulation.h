@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "engine/step.h"
+#include "scenes/presets.h"
 #include "scenes/recording/series.h"
 #include "scenes/scene.h"
 #include "scenes/trackers/hand_source.h"
@@ -47,6 +48,7 @@ struct Simulation {
     std::unique_ptr<Hardware> hardware;               ///< null: thimbles tick in simulated time
     std::shared_ptr<LiveHands> live;                  ///< hands that fingers follow now; null: the scene's recording
     std::optional<RealTimePace> pace;                 ///< absent: as fast as it goes
+    std::optional<Governor> governor;                 ///< absent: the scene's settings in every step
 };
 
 /// Threads: 0 = as many as the machine has.
@@ -56,6 +58,7 @@ Simulation make_simulation(Scene scene, int threads);
 struct StepInputs {
     std::vector<TrackerPose::Sample> fingers;  ///< per finger
     std::vector<Pose<double>> objects;         ///< per object, fixed ones too
+    int preset = -1;                           ///< the governor's; -1: it has none
 };
 /// Of the next step, from scripts, recordings and live hands.
 StepInputs next_inputs(const Simulation& simulation);

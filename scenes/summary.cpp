@@ -77,6 +77,13 @@ Summary summarise(const Simulation& s) {
     }
     out.skin_memory_MB = double(skin_memory_bytes(s.world)) / 1e6;
     out.crowded = s.world.crowded;
+    if (s.governor) {
+        for (std::size_t p = 0; p < preset_names().size(); ++p)
+            out.preset_shares.emplace_back(preset_names()[p],
+                                           double(s.governor->steps[p]) / double(std::max<std::int64_t>(1, out.steps)));
+        out.missed_deadlines = s.governor->missed;
+        out.preset_changes = s.governor->changes;
+    }
     for (const TrackerPose& t : s.world.tracker_poses) {
         out.rejected_samples += t.not_finite + t.backward;
         out.missing_samples += t.missing;
@@ -126,6 +133,15 @@ std::string to_text(const Summary& s) {
                 << " times: use smaller steps (dt_ms) or softer coupling\n";
     }
     out << to_text(s.bodies);
+    if (!s.preset_shares.empty()) {
+        out << "presets, as the deadline let them be:";
+        for (const auto& [preset, share] : s.preset_shares)
+            if (share > 0) {
+                std::snprintf(line, sizeof line, " %s %.1f %%", preset.c_str(), 100 * share);
+                out << line;
+            }
+        out << " of the steps; " << s.preset_changes << " changes, " << s.missed_deadlines << " steps took longer\n";
+    }
     if (s.filter_delay_ms > 0) {
         std::snprintf(line, sizeof line, "the filter of tracked poses holds them back by %.1f ms on average\n",
                       s.filter_delay_ms);
@@ -156,6 +172,11 @@ nlohmann::json to_json(const Summary& s) {
                      {"missing_samples", s.missing_samples},
                      {"slowed_steps", s.slowed_steps},
                      {"crowded", s.crowded}};
+    for (const auto& [preset, share] : s.preset_shares) j["governor"]["presets"][preset] = share;
+    if (!s.preset_shares.empty()) {
+        j["governor"]["missed_deadlines"] = s.missed_deadlines;
+        j["governor"]["changes"] = s.preset_changes;
+    }
     for (const auto& [system, us] : s.system_mean_us) j["system_mean_us"][system] = us;
     j["fingers"] = nlohmann::json::array();
     for (const FingerSummary& f : s.fingers) {

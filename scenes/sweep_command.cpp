@@ -10,8 +10,11 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "scenes/budget.h"
 #include "scenes/commands.h"
 #include "scenes/recording/svg.h"
+#include "scenes/shards.h"
 #include "scenes/sweep.h"
 
 namespace palpate {
@@ -25,13 +28,6 @@ struct SweepArguments {
     int threads = 0;
     bool quiet = false;
 };
-
-std::string processor() {
-    std::ifstream in("/proc/cpuinfo");
-    for (std::string line; std::getline(in, line);)
-        if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-    return "unknown processor";
-}
 
 const char* const columns =
     "field_error,net_error,area_error,platform_mm,seconds_per_second,median_us,p99_us,dt_ms,limit_violation,"
@@ -47,19 +43,15 @@ std::string row_of(const SweepPoint& p) {
     return out.str();
 }
 
-/// Rows of an earlier, interrupted sweep of the same kind, by their settings.
-std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::path& file, const std::string& header,
-                                                         std::size_t axes) {
-    std::map<std::vector<std::string>, SweepPoint> rows;
-    std::ifstream in(file);
-    bool same = false;
+/// Rows by their settings; one that was not finished is left out.
+void read_rows(const std::string& text, std::size_t axes, std::map<std::vector<std::string>, SweepPoint>& rows) {
+    std::istringstream in(text);
     for (std::string line; std::getline(in, line);) {
-        if (line == header) same = true;
-        if (line.empty() || line[0] == '#' || line == header) continue;
+        if (line.empty() || line[0] == '#') continue;
         std::vector<std::string> cells;
         std::istringstream cut(line);
         for (std::string cell; std::getline(cut, cell, ',');) cells.push_back(cell);
-        if (!same || cells.size() != axes + 13) continue;  // a row that was not finished is run again
+        if (cells.size() != axes + 13) continue;
         SweepPoint p;
         p.values.assign(cells.begin(), cells.begin() + std::ptrdiff_t(axes));
         auto number = [&](std::size_t i) { return std::strtod(cells[axes + i].c_str(), nullptr); };
@@ -69,6 +61,20 @@ std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::
         p.resets = std::int64_t(number(11)), p.failed = number(12) != 0;
         rows[p.values] = p;
     }
+}
+
+/// Those of an earlier, interrupted sweep of the same kind.
+std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::path& file, const std::string& header,
+                                                         std::size_t axes) {
+    std::map<std::vector<std::string>, SweepPoint> rows;
+    std::ifstream in(file);
+    std::string text;
+    bool same = false;
+    for (std::string line; std::getline(in, line);) {
+        if (same && !in.eof()) text += line + "\n";
+        same |= line == header;
+    }
+    read_rows(text, axes, rows);
     return rows;
 }
 
@@ -187,53 +193,69 @@ int sweep_scene(const SweepArguments& a, const std::atomic<bool>& stop) {
     std::error_code error;
     std::filesystem::create_directories(folder, error);
     if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
+    // Each process of mpirun takes its share of the points, and the first one merges what they found.
+    const Shards shards = join_shards();
     std::string header;
     for (const SweepAxis& axis : axes) header += axis.key + ",";
     header += columns;
-    const auto file = folder / "sweep.csv";
+    const auto file = folder / (shards.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(shards.rank) + ".csv");
     auto done = read_rows(file, header, axes.size());
     std::ofstream out(file, done.empty() ? std::ios::trunc : std::ios::app);
     if (!out) throw InputError(file.string() + ": cannot be written");
-    if (done.empty())
-        out << "# palpate " << PALPATE_VERSION << " " << PALPATE_COMMIT << ", " << processor() << ", scene "
-            << scene.file.string() << "\n"
-            << header << "\n";
+    const std::string about = "# palpate " PALPATE_VERSION " " PALPATE_COMMIT ", " + processor() + ", scene " +
+                              scene.file.string() + "\n" + header + "\n";
+    if (done.empty()) out << about;
     out.flush();
 
     constexpr double period = 0.02;  // that of a thimble's updates
     const Reference reference =
         solve_reference(a, a.reference_dt_ms > 0 ? a.reference_dt_ms : 0.5 * finest, period, stop);
-    std::vector<SweepPoint> points;
     const auto start = std::chrono::steady_clock::now();
     std::size_t run_now = 0;
-    for (std::size_t k = 0; k < all.size() && !stop; ++k) {
-        if (const auto it = done.find(all[k]); it != done.end()) {
-            points.push_back(it->second);
-            continue;
+    std::string mine;
+    for (std::size_t k = std::size_t(shards.rank); k < all.size() && !stop; k += std::size_t(shards.size)) {
+        auto it = done.find(all[k]);
+        if (it == done.end()) {
+            std::vector<std::string> overrides = a.overrides;
+            overrides.push_back("solver.preset=real-time");
+            for (auto& o : overrides_of(axes, all[k], names)) overrides.push_back(std::move(o));
+            SweepTrace trace;
+            SweepPoint p = run_point(a.scene, overrides, period, a.threads, stop, trace);
+            if (stop) break;
+            p.values = all[k];
+            p.errors = errors_of(trace, reference.trace);
+            p.failed = p.resets > 0 || !std::isfinite(p.errors.net);
+            out << row_of(p) << "\n";
+            out.flush();
+            it = done.emplace(all[k], std::move(p)).first;
+            ++run_now;
+            const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+            if (!a.quiet && shards.rank == 0 && isatty(STDERR_FILENO))
+                std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
+                             elapsed / double(run_now) * double(all.size() - k - 1) / shards.size);
         }
-        std::vector<std::string> overrides = a.overrides;
-        overrides.push_back("solver.preset=real-time");
-        for (auto& o : overrides_of(axes, all[k], names)) overrides.push_back(std::move(o));
-        SweepTrace trace;
-        SweepPoint p = run_point(a.scene, overrides, period, a.threads, stop, trace);
-        if (stop) break;
-        p.values = all[k];
-        p.errors = errors_of(trace, reference.trace);
-        p.failed = p.resets > 0 || !std::isfinite(p.errors.net);
-        out << row_of(p) << "\n";
-        out.flush();
-        points.push_back(std::move(p));
-        ++run_now;
-        const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        if (!a.quiet && isatty(STDERR_FILENO))
-            std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
-                         elapsed / double(run_now) * double(all.size() - k - 1));
+        mine += row_of(it->second) + "\n";
     }
-    if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
-    if (stop) {
-        std::fprintf(stderr, "interrupted; the same command goes on from %zu of %zu\n", points.size(), all.size());
-        return 130;
+    if (!a.quiet && shards.rank == 0 && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
+    if (stop && shards.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
+    const auto texts = gather(shards, mine);
+    if (stop) return 130;
+    if (shards.rank != 0) {
+        out.close();
+        std::filesystem::remove(file);
+        return 0;
     }
+    // In the order of the settings, whoever has run them.
+    std::map<std::vector<std::string>, SweepPoint> merged;
+    for (const std::string& text : texts) read_rows(text, axes.size(), merged);
+    std::vector<SweepPoint> points;
+    std::string rows = about;
+    for (const auto& values : all) {
+        points.push_back(merged.at(values));
+        rows += row_of(points.back()) + "\n";
+    }
+    out.close();
+    write_file(file, rows);
     write_svg(folder / "sweep.svg", {work_precision(points, axes, reference)});
     if (!a.quiet) {
         print_results(points, axes, reference);

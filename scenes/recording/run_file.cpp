@@ -69,8 +69,8 @@ struct Reader {
     }
 };
 
-bool read_step(const std::uint8_t* payload, std::size_t size, std::size_t fingers, std::size_t objects,
-               std::size_t arrays, RecordedStep& step) {
+bool read_step(const std::uint8_t* payload, std::size_t size, const RecordedRun& run, RecordedStep& step) {
+    const std::size_t fingers = run.fingers.size(), objects = run.objects.size(), arrays = run.arrays.size();
     Reader in{payload, payload + size};
     step.time = in.get<double>();
     for (std::size_t i = 0; i < fingers; ++i) {
@@ -85,6 +85,10 @@ bool read_step(const std::uint8_t* payload, std::size_t size, std::size_t finger
     for (std::size_t i = 0; i < fingers; ++i) {
         const double x = in.get<double>(), y = in.get<double>(), z = in.get<double>();
         step.outcome.forces.push_back({x, y, z});
+    }
+    if (run.governed) {
+        step.inputs.preset = in.get<std::uint8_t>();
+        if (step.inputs.preset >= int(preset_names().size())) return false;
     }
     return in.good && in.at == in.end;
 }
@@ -129,7 +133,8 @@ RunWriter::RunWriter(const std::filesystem::path& path, const Simulation& s, con
                                 {"overrides", overrides},
                                 {"fingers", fingers},
                                 {"objects", objects},
-                                {"arrays", array_names(s)}};
+                                {"arrays", array_names(s)},
+                                {"governed", s.governor.has_value()}};
     const std::string json = header.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
     std::fwrite(magic, 1, sizeof magic, file_.get());
     frame(header_kind, {json.begin(), json.end()});
@@ -159,6 +164,7 @@ void RunWriter::record(const StepInputs& inputs, const Simulation& s) {
     const StepOutcome outcome = outcome_of(s);
     for (std::uint64_t hash : outcome.hashes) put(payload, hash);
     for (const Vec3<double>& f : outcome.forces) put(payload, f.x), put(payload, f.y), put(payload, f.z);
+    if (s.governor) put(payload, std::uint8_t(inputs.preset));
     frame(step_kind, payload);
 }
 
@@ -197,11 +203,12 @@ RecordedRun read_run(const std::filesystem::path& path) {
                 run.arrays = j.at("arrays").get<std::vector<std::string>>();
                 run.fingers = j.at("fingers").get<std::vector<std::string>>();
                 run.objects = j.at("objects").get<std::vector<std::string>>();
+                run.governed = j.value("governed", false);
             } catch (const nlohmann::json::exception& error) { throw InputError(what + error.what()); }
             has_header = true;
         } else if (kind == step_kind) {
             RecordedStep step;
-            if (!read_step(payload, size, run.fingers.size(), run.objects.size(), run.arrays.size(), step)) break;
+            if (!read_step(payload, size, run, step)) break;
             run.steps.push_back(std::move(step));
         }
         at += 12 + std::size_t(size);

@@ -5,7 +5,8 @@
 // Layout, little-endian: 8 bytes "palpate1"; then frames of u32 size, u32 kind, payload, u32 CRC-32 of kind and
 // payload. Kind 1 (first frame): JSON with scene (path), text (of the scene file), overrides, fingers, objects, arrays
 // (names). Kind 2 (one per step): f64 time; per finger: u8 valid, f64 sample time, 7 f64 tracked pose (p, q = w x y z);
-// per object: 7 f64 pose; per array: u64 hash of its bytes after the step; per finger: 3 f64 contact force [N].
+// per object: 7 f64 pose; per array: u64 hash of its bytes after the step; per finger: 3 f64 contact force [N]; where
+// the header says "governed": u8 preset of the step.
 
 #include <cstdint>
 #include <cstdio>
@@ -51,6 +52,7 @@ class RunWriter {
 struct RecordedRun {
     std::string scene, text;
     std::vector<std::string> overrides, fingers, objects, arrays;
+    bool governed = false;  ///< a governor chose each step's preset
     std::vector<RecordedStep> steps;
     std::size_t unread_bytes = 0;  ///< after the last complete frame
 };

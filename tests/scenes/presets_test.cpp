@@ -1,0 +1,101 @@
+// Presets: the governor that moves between them, and the budget that chooses one.
+
+#include <fstream>
+
+#include "scenes/budget.h"
+#include "scenes/recording/run_file.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+
+/// A machine on which a step of a preset takes this long [s].
+int run_governor(Governor& g, const std::array<double, 4>& seconds, int steps) {
+    for (int k = 0; k < steps; ++k) govern(g, seconds[std::size_t(g.preset)]);
+    return g.preset;
+}
+
+TEST(Governor, FindsThePresetThatKeepsTheDeadlineAndStaysThere) {
+    const std::array<double, 4> seconds{1e-4, 2e-4, 5e-4, 2e-3};
+    for (const auto& [deadline, expected] : {std::pair{3e-3, 3}, {1e-3, 2}, {4e-4, 1}, {1.5e-4, 0}, {5e-5, 0}}) {
+        Governor g = make_governor(deadline, 3, {});
+        EXPECT_EQ(run_governor(g, seconds, 10), expected) << deadline;
+        const std::int64_t changes = g.changes;
+        EXPECT_EQ(run_governor(g, seconds, 20000), expected) << deadline;
+        EXPECT_EQ(g.changes, changes) << "no swinging";
+    }
+    // Never above what the scene asks for.
+    Governor g = make_governor(1, 1, {});
+    EXPECT_EQ(run_governor(g, seconds, 20000), 1);
+}
+
+TEST(Governor, ComesBackWhenThereIsSlackAndWaitsLongerWhenThatWasWrong) {
+    const std::array<double, 4> busy{4e-4, 9e-4, 3e-3, 9e-3}, idle{1e-4, 2e-4, 6e-4, 9e-3};
+    Governor g = make_governor(1e-3, 2, {});
+    EXPECT_EQ(run_governor(g, busy, 1000), 1);
+    EXPECT_EQ(run_governor(g, idle, 1000), 2);
+    EXPECT_EQ(run_governor(g, busy, 10), 1);
+    // Cheap steps, then a dear one whenever it has stepped up: each time it waits twice as long.
+    const std::array<double, 4> trap{1e-4, 2e-4, 1.1e-3, 9e-3};
+    g = make_governor(1e-3, 2, {});
+    run_governor(g, trap, 100000);
+    EXPECT_LT(g.missed, 12);
+    EXPECT_GT(g.steps[1], 99000);
+}
+
+TEST(Governor, KeepsTheScenesOwnSettingsAtTheTop) {
+    SolverSettings asked;
+    asked.newton_iterations = 17;
+    asked.limit_tolerance = 0.02;
+    const Governor g = make_governor(1e-3, 2, asked);
+    EXPECT_EQ(settings_of(g, 2).newton_iterations, 17);
+    EXPECT_EQ(settings_of(g, 0).newton_iterations, 1);
+    EXPECT_EQ(settings_of(g, 0).limit_tolerance, 0.02);
+}
+
+TEST(Governor, WhatItChoseIsRecordedAndReplaysBitForBit) {
+    testing::ScratchFolder scratch;
+    const auto file = scratch.path / "run.palpate";
+    const std::vector<std::string> overrides{"solver.deadline_ms=1", "solver.preset=accurate"};
+    {
+        Simulation s = make_simulation(load_scene(scenes + "press.toml", overrides), 1);
+        RunWriter writer(file, s, overrides);
+        for (int k = 0; k < 90; ++k) {
+            s.governor->preset = k / 10 % 3;  // as if the machine had been busy now and then
+            const StepInputs inputs = next_inputs(s);
+            advance(s, inputs);
+            writer.record(inputs, s);
+        }
+    }
+    const RecordedRun run = read_run(file);
+    ASSERT_EQ(run.steps.size(), 90u);
+    Simulation again = make_simulation(recorded_scene(run, file), 2);
+    for (std::size_t k = 0; k < run.steps.size(); ++k) {
+        EXPECT_EQ(run.steps[k].inputs.preset, int(k) / 10 % 3);
+        advance(again, run.steps[k].inputs);
+        ASSERT_EQ(outcome_of(again).hashes, run.steps[k].outcome.hashes) << "step " << k;
+    }
+    EXPECT_EQ(again.step_series.column("preset").at(25), 2);
+}
+
+TEST(Budget, CalibrationIsKept) {
+    testing::ScratchFolder scratch;
+    ASSERT_EQ(setenv("XDG_CACHE_HOME", scratch.path.c_str(), 1), 0);
+    const std::atomic<bool> stop{false};
+    const std::vector<std::string> overrides{"duration_s=0.2"};
+    const BudgetChoice first = preset_within(1e4, scenes + "press.toml", overrides, 1, stop);
+    const BudgetChoice second = preset_within(1e4, scenes + "press.toml", overrides, 1, stop);
+    const BudgetChoice other = preset_within(1e4, scenes + "press.toml", {"duration_s=0.3"}, 1, stop);
+    unsetenv("XDG_CACHE_HOME");
+    ASSERT_EQ(first.tried.size(), 1u);
+    EXPECT_EQ(first.preset, "reference");
+    EXPECT_FALSE(first.tried[0].cached);
+    EXPECT_TRUE(second.tried[0].cached);
+    EXPECT_NEAR(second.tried[0].p99_ms, first.tried[0].p99_ms, 1e-4 * first.tried[0].p99_ms);
+    EXPECT_FALSE(other.tried[0].cached);
+}
+
+}  // namespace
+}  // namespace palpate
