@@ -14,7 +14,7 @@ Action add_run_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_mesh_command(CLI::App& program);
 Action add_device_command(CLI::App& program);
 Action add_compare_command(CLI::App& program, const std::atomic<bool>& stop);
-Action add_explain_command(CLI::App& program);
+Action add_explain_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_convert_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_replay_command(CLI::App& program, const std::atomic<bool>& stop);
 Action add_devices_command(CLI::App& program);

@@ -31,8 +31,26 @@ void line(bool built, const char* system, const std::string& why) {
     std::printf("%-10s %-16s %s\n", built ? "built" : "not built", system, why.c_str());
 }
 
-int explain(const std::string& file, const std::vector<std::string>& overrides) {
-    const Simulation s = make_simulation(load_scene(file, overrides), 1);
+/// What each system costs in the first second of the scene.
+void measure(Simulation& s, const std::atomic<bool>& stop) {
+    s.scene.duration = std::min(s.scene.duration, 1.0);
+    run(s, stop, {});
+    std::printf("\nmeasured over %zu steps of %.3g ms [us]:\n%-18s %10s %10s\n", s.step_series.rows(),
+                1e3 * s.world.solver.dt, "", "mean", "p99");
+    for (const std::string& column : s.step_series.columns) {
+        if (!column.ends_with("_us")) continue;
+        std::vector<double> us = s.step_series.column(column);
+        std::sort(us.begin(), us.end());
+        double sum = 0;
+        for (double v : us) sum += v;
+        std::printf("%-18s %10.1f %10.1f\n", column.substr(0, column.size() - 3).c_str(), sum / double(us.size()),
+                    us[std::size_t(0.99 * double(us.size() - 1))]);
+    }
+}
+
+int explain(const std::string& file, const std::vector<std::string>& overrides, bool measured,
+            const std::atomic<bool>& stop) {
+    Simulation s = make_simulation(load_scene(file, overrides), 1);
     const SceneSpec& spec = s.scene.spec;
     std::vector<std::string> limited, rubbing, bodies, moving, devices, following;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
@@ -79,21 +97,24 @@ int explain(const std::string& file, const std::vector<std::string>& overrides) 
     std::printf("\nmemory of all skins: %.2f MB\n", double(skin_memory_bytes(s.world)) / 1e6);
     for (std::size_t i = 0; i < spec.fingers.size(); ++i)
         std::printf("%s: %s\n", spec.fingers[i].name.c_str(), s.scene.mesh_notes[i].c_str());
+    if (measured) measure(s, stop);
     return 0;
 }
 
 }  // namespace
 
-Action add_explain_command(CLI::App& program) {
+Action add_explain_command(CLI::App& program, const std::atomic<bool>& stop) {
     struct Arguments {
         std::string scene;
         std::vector<std::string> overrides;
+        bool measured = false;
     };
     auto* c = program.add_subcommand("explain", "say what a scene builds, for whom and why");
     auto a = std::make_shared<Arguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();
     c->add_option("--set", a->overrides, "override a value of the scene")->take_all()->allow_extra_args(false);
-    return [a] { return explain(a->scene, a->overrides); };
+    c->add_flag("--measure", a->measured, "also run its first second, and say what each system costs (one thread)");
+    return [a, &stop] { return explain(a->scene, a->overrides, a->measured, stop); };
 }
 
 }  // namespace palpate

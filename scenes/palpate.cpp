@@ -39,7 +39,7 @@ int main(int argc, char** argv) {
     actions["calibrate"] = palpate::add_calibrate_command(program, stop_requested);
     actions["tracker"] = palpate::add_tracker_command(program, stop_requested);
     actions["emulate-tracker"] = palpate::add_emulate_tracker_command(program, stop_requested);
-    actions["explain"] = palpate::add_explain_command(program);
+    actions["explain"] = palpate::add_explain_command(program, stop_requested);
     try {
         program.parse(argc, argv);
         return actions.at(program.get_subcommands().front()->get_name())();

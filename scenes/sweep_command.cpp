@@ -167,7 +167,11 @@ void print_results(const std::vector<SweepPoint>& points, const std::vector<Swee
         if (p.failed && failed++ < 20) std::printf("failed: %s\n", settings_text(axes, p).c_str());
 }
 
-int sweep_scene(const SweepArguments& a, const std::atomic<bool>& stop) {
+int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
+    // Each process of mpirun takes its share of the points, and the first one merges what they found.
+    const Shards shards = join_shards();
+    SweepArguments a = asked;
+    a.quiet = a.quiet || shards.rank != 0;
     std::vector<SweepAxis> axes;
     for (const std::string& text : a.axes) axes.push_back(parse_axis(text));
     if (axes.empty()) axes = default_axes();
@@ -193,8 +197,6 @@ int sweep_scene(const SweepArguments& a, const std::atomic<bool>& stop) {
     std::error_code error;
     std::filesystem::create_directories(folder, error);
     if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
-    // Each process of mpirun takes its share of the points, and the first one merges what they found.
-    const Shards shards = join_shards();
     std::string header;
     for (const SweepAxis& axis : axes) header += axis.key + ",";
     header += columns;
@@ -230,13 +232,13 @@ int sweep_scene(const SweepArguments& a, const std::atomic<bool>& stop) {
             it = done.emplace(all[k], std::move(p)).first;
             ++run_now;
             const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-            if (!a.quiet && shards.rank == 0 && isatty(STDERR_FILENO))
+            if (!a.quiet && isatty(STDERR_FILENO))
                 std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
                              elapsed / double(run_now) * double(all.size() - k - 1) / shards.size);
         }
         mine += row_of(it->second) + "\n";
     }
-    if (!a.quiet && shards.rank == 0 && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
+    if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
     if (stop && shards.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
     const auto texts = gather(shards, mine);
     if (stop) return 130;

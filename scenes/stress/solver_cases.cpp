@@ -21,7 +21,7 @@ StressOutcome start_states(int effort, const std::atomic<bool>& stop) {
     std::string worst;
     for (int elements : {150, 347, 800})
         for (int state = 0; state < 5; ++state)
-            for (int seed = 0; seed < (state == 0 ? 2 * effort : 1); ++seed) {
+            for (int seed = 0; seed < (state == 0 ? (effort >= 10 ? 100 : 2) : 1); ++seed) {
                 if (stop) break;
                 SceneSpec spec = press_spec(elements, 0.05);
                 World world = build_world(spec);

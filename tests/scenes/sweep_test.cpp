@@ -80,6 +80,30 @@ TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     EXPECT_EQ(palpate_program("sweep " + scenes + "hand.toml --axes dt_ms=-1").code, 2);
 }
 
+TEST(Sweep, TwoProcessesFindWhatOneFinds) {
+    if (std::system("command -v mpirun > /dev/null") != 0) GTEST_SKIP() << "mpirun is not installed (openmpi-bin)";
+    ScratchFolder scratch;
+    const std::string command =
+        "sweep " + scenes + "press.toml --axes dt_ms=10,20 solver.newton_iterations=1,2,6 --threads 1 --out ";
+    ASSERT_EQ(palpate_program(command + (scratch.path / "one").string()).code, 0);
+    const std::string launch = "mpirun --allow-run-as-root --oversubscribe -n 2 " PALPATE_PROGRAM " ";
+    const std::string two = launch + command + (scratch.path / "two").string() + " > /dev/null 2>&1";
+    ASSERT_EQ(std::system(two.c_str()), 0);
+    // Settings and errors; times differ.
+    auto errors = [](const std::filesystem::path& file) {
+        std::istringstream in(text_of(file));
+        std::string kept;
+        for (std::string line; std::getline(in, line);) {
+            std::size_t end = 0;
+            for (int comma = 0; comma < 6 && end != std::string::npos; ++comma) end = line.find(',', end + 1);
+            kept += line.substr(0, end) + "\n";
+        }
+        return kept;
+    };
+    EXPECT_EQ(errors(scratch.path / "one" / "sweep.csv"), errors(scratch.path / "two" / "sweep.csv"));
+    EXPECT_FALSE(std::filesystem::exists(scratch.path / "two" / "sweep-1.csv"));
+}
+
 TEST(Budget, TakesTheMostAccuratePresetThatFits) {
     ScratchFolder scratch;
     const std::string command = "run " + scenes + "press.toml --duration 0.2 --out " + scratch.path.string();
