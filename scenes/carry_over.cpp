@@ -50,7 +50,8 @@ void carry_chunks(const std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T
         carry(a.bone_velocity, b.bone_velocity), carry(a.limit_multiplier, b.limit_multiplier);
         carry(a.normal_multiplier, b.normal_multiplier), carry(a.tangential_multiplier, b.tangential_multiplier);
         carry(a.friction_radius, b.friction_radius), carry(a.friction_normal, b.friction_normal);
-        carry(a.svd_guess, b.svd_guess), carry(a.penalty_scale, b.penalty_scale);
+        carry(a.svd_guess, b.svd_guess), carry(a.penalty_scale, b.penalty_scale),
+            carry(a.tangled_steps, b.tangled_steps);
         to[k].status = from[k].status;  // the next step begins by it
         to[k].slots = from[k].slots;
         // Shapes of meshes are those of the new objects; detect_contacts puts them in.

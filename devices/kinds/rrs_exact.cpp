@@ -4,7 +4,6 @@
 // Leg planes are vertical and hold the seats of the level platform.
 
 #include <cmath>
-#include <numbers>
 
 #include "devices/kinds/rrs_geometry.h"
 
@@ -15,7 +14,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double degree = std::numbers::pi / 180;
 using namespace rrs;
 
 struct Leg {

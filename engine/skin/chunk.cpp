@@ -43,7 +43,8 @@ void for_each_array(Chunk& c, Visit visit) {
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
-                    &s.tangential_multiplier, &s.friction_radius, &s.friction_normal, &s.svd_guess, &s.penalty_scale})
+                    &s.tangential_multiplier, &s.friction_radius, &s.friction_normal, &s.svd_guess, &s.tangled_steps,
+                    &s.penalty_scale})
         visit(*a);
     auto& w = c.scratch;
     for (auto* a : {&w.start_position,   &w.start_bone,
@@ -93,7 +94,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(s.limit_multiplier, 9 * limits), make(s.normal_multiplier, contacts);
     make(s.tangential_multiplier, 3 * frictions), make(s.friction_radius, frictions),
         make(s.friction_normal, 3 * frictions);
-    make(s.svd_guess, 9 * E), make(s.penalty_scale, 2, T(1));
+    make(s.svd_guess, 9 * E), make(s.tangled_steps, 1), make(s.penalty_scale, 2, T(1));
     auto& w = c.scratch;
     make(w.start_position, 3 * N), make(w.start_bone, 7), make(w.inertia_target, 3 * N);
     make(w.bone_springs, 9 * bone_spring_count), make(w.base_position, 3 * N), make(w.base_bone, 7);

@@ -63,6 +63,7 @@ struct SkinState {
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
     LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
     LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps
+    LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (newton.h)
     LaneArray<T> penalty_scale;    ///< [2] of limits, of contacts: grow where their multipliers converge slowly
 };
 

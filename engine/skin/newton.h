@@ -195,6 +195,21 @@ inline MaskOf<R> lost_lanes(const SkinChunk<ScalarOf<R>>& c) {
     return !MaskOf<R>(farthest <= reach * reach);
 }
 
+/// Lanes whose skin has been tangled for too long: far beyond its limits, and far from equilibrium with anything that
+/// pulls at it. Skin wound around itself (after a start in a random state; nothing that a finger can do leads there)
+/// cannot come free without turning elements inside out, and swings for ever.
+template <class R>
+inline MaskOf<R> tangled_lanes(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, MaskOf<R> converged) {
+    using T = ScalarOf<R>;
+    constexpr int most = 50;
+    const R pull = R(T(100)) * maximum(maximum(e.contact_force, e.coupling_force), R(1));
+    const MaskOf<R> tangled = (!converged) & (e.violation > R(T(0.5))) & (e.residual > pull * pull);
+    R steps = select(tangled, load<R>(c.state.tangled_steps.data()) + R(1), R(0));
+    const MaskOf<R> lost = steps > R(T(most));
+    store<R>(c.state.tangled_steps.data(), select(lost, R(0), steps));
+    return lost;
+}
+
 /// Adds the lanes' damping to the diagonal of the Newton matrix.
 template <class R>
 inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& damping) {
@@ -316,7 +331,8 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         }
         if (any(d.newton | d.retry)) detail::move_from_base<R>(c, d.newton | d.retry, p.alpha);
     }
-    p.failed = p.failed | (mask_from_bits<R>(c.used_lanes) & detail::lost_lanes<R>(c));
+    p.failed = p.failed | (mask_from_bits<R>(c.used_lanes) &
+                           (detail::lost_lanes<R>(c) | detail::tangled_lanes<R>(c, e, p.converged)));
     if (any(p.failed)) detail::reset_lanes<R>(c, p.failed);
     detail::update_multipliers<R>(c, mask_from_bits<R>(c.used_lanes) & !p.failed);
     detail::record_status(c, e, p);
