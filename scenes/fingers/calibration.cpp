@@ -287,10 +287,29 @@ std::vector<CurveFit> errors_of(const std::vector<IndentationCurve>& curves, con
     return fits;
 }
 
-void add_intervals(const Fit& fit, const Local& local, Calibration& result) {
+/// Jacobian for intervals: over a step so wide that the small jumps of an area from node to node do not pass for
+/// knowledge, central where the bounds leave room.
+MatrixXd wide_jacobian(Fit& fit, const VectorXd& u) {
+    constexpr double step = 0.02;
+    std::vector<VectorXd> points;
+    for (std::ptrdiff_t k = 0; k < u.size(); ++k)
+        for (double sign : {1.0, -1.0}) {
+            points.push_back(u);
+            points.back()[k] = std::clamp(u[k] + sign * step, 0.0, 1.0);
+        }
+    const auto r = fit.residuals_at(points);
+    MatrixXd J(r[0].size(), u.size());
+    for (std::ptrdiff_t k = 0; k < u.size(); ++k) {
+        const auto up = std::size_t(2 * k), down = up + 1;
+        J.col(k) = (r[up] - r[down]) / (points[up][k] - points[down][k]);
+    }
+    return J;
+}
+
+void add_intervals(Fit& fit, const Local& local, Calibration& result) {
     const auto n = local.u.size(), rows = local.r.size();
     const double variance = local.r.squaredNorm() / double(std::max<std::ptrdiff_t>(1, rows - n));
-    const MatrixXd H = local.J.transpose() * local.J;
+    const MatrixXd J = wide_jacobian(fit, local.u), H = J.transpose() * J;
     const double t = t_quantile(double(rows - n));
     // Directions that the data do not see at all get the variance of the whole range.
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);

@@ -350,6 +350,25 @@ TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
     EXPECT_LT(beyond[3], beyond[0]);
 }
 
+/// The paper's edge: samples that must not be touched tilt the platform, so that the edge is felt as round.
+TEST(Edge, ThePlatformTiltsForWhatMustNotBeTouched) {
+    const std::atomic<bool> stop{false};
+    for (const bool non_contact : {true, false}) {
+        Simulation s = make_simulation(
+            load_scene(
+                scenes + "edge.toml",
+                {"finger.index.device.non_contact=" + std::string(non_contact ? "true" : "false"), "duration_s=0.305"}),
+            2);
+        run(s, stop, {});
+        const double tilt_deg = std::abs(s.finger_series[0].column("psi_deg").back());
+        std::printf("with%s N_O: %.2f degrees\n", non_contact ? "" : "out", tilt_deg);
+        if (non_contact)
+            EXPECT_GT(tilt_deg, 5);
+        else
+            EXPECT_LT(tilt_deg, 1);
+    }
+}
+
 /// What the matcher finds must be what a converged solve in double precision would choose, too.
 TEST(ForceMatching, LowersTheErrorOfEveryContactThatThePlatformCanTouch) {
     const std::atomic<bool> stop{false};
