@@ -37,9 +37,9 @@ double value_at(const std::vector<double>& values, std::size_t i) {
 template <class Chunk, class Visit>
 void for_each_array(Chunk& c, Visit visit) {
     auto& r = c.rest;
-    for (auto* a :
-         {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty, &r.mass,
-          &r.contact_penalty, &r.contact_area, &r.object_friction, &r.tissue_stiffness, &r.extent, &r.rest_position})
+    for (auto* a : {&r.shape_gradients, &r.volume, &r.mu, &r.lambda, &r.limit_low, &r.limit_high, &r.limit_penalty,
+                    &r.mass, &r.contact_penalty, &r.contact_area, &r.object_friction, &r.tissue_stiffness,
+                    &r.rounding_stiffness, &r.extent, &r.rest_position})
         visit(*a);
     auto& s = c.state;
     for (auto* a : {&s.position, &s.velocity, &s.bone, &s.bone_velocity, &s.limit_multiplier, &s.normal_multiplier,
@@ -87,7 +87,7 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(r.shape_gradients, 9 * E), make(r.volume, E), make(r.mu, E), make(r.lambda, E);
     make(r.limit_low, limits), make(r.limit_high, limits), make(r.limit_penalty, limits);
     make(r.mass, N), make(r.contact_penalty, S);
-    make(r.tissue_stiffness, 1), make(r.extent, 1), make(r.rest_position, 3 * N);
+    make(r.tissue_stiffness, 1), make(r.rounding_stiffness, 1), make(r.extent, 1), make(r.rest_position, 3 * N);
     auto& s = c.state;
     s.origin.assign(3 * std::size_t(width), 0.0);
     make(s.position, 3 * N), make(s.velocity, 3 * N), make(s.bone, 7), make(s.bone_velocity, 6);
@@ -180,6 +180,8 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));
     c.rest.extent[lane] = T(farthest);
     c.rest.tissue_stiffness[lane] = T(5 * E / volume * spacing);
+    const double nu = p.poisson_ratio, lambda = nu / ((1 + nu) * (1 - 2 * nu));  // over Young's modulus
+    c.rest.rounding_stiffness[lane] = T(std::max(5.0, 3 * lambda - 5) * E / volume * spacing);
     const Vec3<double> origin = nearest_origin(bone.position);
     for (int d = 0; d < 3; ++d) c.state.origin[d * W + lane] = origin[d];
     for (int i = 0; i < t.node_count; ++i) {

@@ -44,8 +44,10 @@ struct SkinRest {
     LaneArray<T> contact_area;           ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
     LaneArray<T> object_friction;        ///< [object] Coulomb coefficients; empty where fingers do not differ in them
     LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
-    LaneArray<T> extent;                 ///< [1] largest distance of a node from the bone's origin [m]
-    LaneArray<T> rest_position;          ///< [node][xyz] in the bone frame [m]
+    LaneArray<T>
+        rounding_stiffness;  ///< [1] what rounding of positions meets: that, or more where hardly compressible [N/m]
+    LaneArray<T> extent;     ///< [1] largest distance of a node from the bone's origin [m]
+    LaneArray<T> rest_position;  ///< [node][xyz] in the bone frame [m]
 };
 
 /// What a step reads and writes. Positions are relative to an origin of each lane near its finger, with the axes of

@@ -224,7 +224,7 @@ template <class R>
 inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
-    R stiffness = load<R>(c.rest.tissue_stiffness.data());
+    R stiffness = load<R>(c.rest.rounding_stiffness.data());
     for (int s = 0; s < bone_spring_count; ++s) stiffness += load<R>(&c.scratch.bone_springs[9 * s * W]);
     if (!c.rest.contact_penalty.empty())
         stiffness += select(e.contact_force > R(0),
