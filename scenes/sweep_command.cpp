@@ -167,6 +167,49 @@ void print_results(const std::vector<SweepPoint>& points, const std::vector<Swee
         if (p.failed && failed++ < 20) std::printf("failed: %s\n", settings_text(axes, p).c_str());
 }
 
+struct SweepPlan {
+    const SweepArguments& arguments;
+    const std::vector<SweepAxis>& axes;
+    const std::vector<std::vector<std::string>>& points;  ///< values of every axis
+    const std::vector<std::string>& fingers;
+    double period;  ///< of the samples that are compared [s]
+};
+
+/// Runs this process's share of the points but for those that are `done`, each row to `out` as it comes. All its rows.
+std::string run_share(const SweepPlan& plan, const Reference& reference, const Shards& shards,
+                      std::map<std::vector<std::string>, SweepPoint>& done, std::ofstream& out,
+                      const std::atomic<bool>& stop) {
+    const SweepArguments& a = plan.arguments;
+    const auto& all = plan.points;
+    const auto start = std::chrono::steady_clock::now();
+    std::size_t run_now = 0;
+    std::string mine;
+    for (std::size_t k = std::size_t(shards.rank); k < all.size() && !stop; k += std::size_t(shards.size)) {
+        auto it = done.find(all[k]);
+        if (it == done.end()) {
+            std::vector<std::string> overrides = a.overrides;
+            overrides.push_back("solver.preset=real-time");
+            for (auto& o : overrides_of(plan.axes, all[k], plan.fingers)) overrides.push_back(std::move(o));
+            SweepTrace trace;
+            SweepPoint p = run_point(a.scene, overrides, plan.period, a.threads, stop, trace);
+            if (stop) break;
+            p.values = all[k];
+            p.errors = errors_of(trace, reference.trace);
+            p.failed = p.resets > 0 || !std::isfinite(p.errors.net);
+            out << row_of(p) << "\n";
+            out.flush();
+            it = done.emplace(all[k], std::move(p)).first;
+            ++run_now;
+            const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+            if (!a.quiet && isatty(STDERR_FILENO))
+                std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
+                             elapsed / double(run_now) * double(all.size() - k - 1) / shards.size);
+        }
+        mine += row_of(it->second) + "\n";
+    }
+    return mine;
+}
+
 int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     // Each process of mpirun takes its share of the points, and the first one merges what they found.
     const Shards shards = join_shards();
@@ -212,32 +255,8 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     constexpr double period = 0.02;  // that of a thimble's updates
     const Reference reference =
         solve_reference(a, a.reference_dt_ms > 0 ? a.reference_dt_ms : 0.5 * finest, period, stop);
-    const auto start = std::chrono::steady_clock::now();
-    std::size_t run_now = 0;
-    std::string mine;
-    for (std::size_t k = std::size_t(shards.rank); k < all.size() && !stop; k += std::size_t(shards.size)) {
-        auto it = done.find(all[k]);
-        if (it == done.end()) {
-            std::vector<std::string> overrides = a.overrides;
-            overrides.push_back("solver.preset=real-time");
-            for (auto& o : overrides_of(axes, all[k], names)) overrides.push_back(std::move(o));
-            SweepTrace trace;
-            SweepPoint p = run_point(a.scene, overrides, period, a.threads, stop, trace);
-            if (stop) break;
-            p.values = all[k];
-            p.errors = errors_of(trace, reference.trace);
-            p.failed = p.resets > 0 || !std::isfinite(p.errors.net);
-            out << row_of(p) << "\n";
-            out.flush();
-            it = done.emplace(all[k], std::move(p)).first;
-            ++run_now;
-            const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-            if (!a.quiet && isatty(STDERR_FILENO))
-                std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
-                             elapsed / double(run_now) * double(all.size() - k - 1) / shards.size);
-        }
-        mine += row_of(it->second) + "\n";
-    }
+    const SweepPlan plan{a, axes, all, names, period};
+    const std::string mine = run_share(plan, reference, shards, done, out, stop);
     if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
     if (stop && shards.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
     const auto texts = gather(shards, mine);
