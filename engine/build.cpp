@@ -188,6 +188,9 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         fill_empty_lanes(chunk);
         first = last;
     }
+    // A finger that touches alone, of several, is solved alone (gather_lanes).
+    if (shared && chunks.back().width > 1 && spec.solver.inertia && spec.solver.sleep_speed > 0)
+        chunks.push_back(spare_chunk(chunks.back(), 1, int(spec.objects.size()), has_bodies(spec)));
 }
 
 ContactSurface contact_surface_of(const TetMesh& mesh) {
@@ -296,6 +299,7 @@ std::vector<Point> finger_positions(const World& world, EntityId finger) {
 std::vector<Vec3<double>> bone_reactions(const World& world, EntityId finger) {
     return with_chunk(world, finger, [](const auto& c, int lane) {
         std::vector<Vec3<double>> reactions(c.topology->node_count, {0, 0, 0});
+        if (!((active_lanes(c) >> lane) & 1u)) return reactions;  // nothing pulls at it
         for (int node : c.topology->bone_nodes)
             for (int d = 0; d < 3; ++d) reactions[node][d] = c.scratch.gradient[(3 * node + d) * c.width + lane];
         return reactions;

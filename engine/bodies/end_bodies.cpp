@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/bodies/islands.h"
+#include "engine/skin/detail.h"
 
 namespace palpate {
 
@@ -70,7 +71,6 @@ void end_lanes(Work& w) {
         const unsigned failed = failed_lanes(w, k);
         with_chunk(w, k, [&](auto& c, const auto& kernel) {
             const unsigned lost = kernel.end(c, w.solver, failed);
-            c.asleep = false;
             for (int lane = 0; lane < c.width; ++lane) {
                 if (island_of(w, k, lane) < 0) continue;
                 const auto& p = w.s.islands[island_of(w, k, lane)].progress;
@@ -89,6 +89,7 @@ void end_lanes(Work& w) {
                 s.contact_force_N = r.contact_force;
                 s.limited_elements = int(r.limited);
             }
+            settle_lanes(c, w.solver);
         });
     }
 }

@@ -159,7 +159,7 @@ void group(BodyWork& w) {
             for (int lane = 0; lane < c.width; ++lane)
                 for (int slot = 0; slot < c.slot_capacity; ++slot)
                     if (c.slots[slot].object >= 0 && c.slots[slot].body >= 0 &&
-                        ((c.slots[slot].near_lanes >> lane) & (c.used_lanes >> lane) & 1u))
+                        ((c.slots[slot].near_lanes >> lane) & (active_lanes(c) >> lane) & 1u))
                         unite(s.parent, c.slots[slot].body, bodies + 16 * k + lane);
         });
     s.island_count = 0;
@@ -197,7 +197,7 @@ void group(BodyWork& w) {
     for (int k = 0; k < int(s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
             for (int lane = 0; lane < c.width; ++lane)
-                if ((c.used_lanes >> lane) & 1u) s.lane_island[16 * k + lane] = island(bodies + 16 * k + lane);
+                if ((active_lanes(c) >> lane) & 1u) s.lane_island[16 * k + lane] = island(bodies + 16 * k + lane);
         });
 }
 

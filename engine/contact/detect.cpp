@@ -12,13 +12,6 @@ template <class T>
 Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver) {
     const int W = c.width;
     const SkinTopology& t = *c.topology;
-    Vec3<double> low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
-    for (int node : t.samples)
-        for (int d = 0; d < 3; ++d) {
-            const double x = c.state.position[(3 * node + d) * W + lane] + c.state.origin[d * W + lane];
-            low[d] = std::min(low[d], x);
-            high[d] = std::max(high[d], x);
-        }
     // The bone is drawn to its targets; the skin follows, and swings with its own speed.
     double way = 0;
     for (int s = 0; s < bone_spring_count; ++s) {
@@ -27,6 +20,20 @@ Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver)
             d[k] = c.scratch.bone_springs[(9 * s + 2 + k) * W + lane] - double(c.state.bone[k * W + lane]);
         way = std::max(way, norm(d));
     }
+    if ((c.rigid_lanes >> lane) & 1u) {
+        auto rate = [&](int i) { return double(c.state.bone_velocity[i * W + lane]); };
+        const double turning = norm(Vec3<double>{rate(3), rate(4), rate(5)}) * double(c.rest.extent[lane]);
+        const double speed = norm(Vec3<double>{rate(0), rate(1), rate(2)}) + turning;
+        const Sphere& rest = c.rest_reach[lane];
+        return {transform(lane_bone(c, lane), rest.centre), rest.radius + 2e-3 + 2 * way + 2 * speed * solver.dt};
+    }
+    Vec3<double> low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
+    for (int node : t.samples)
+        for (int d = 0; d < 3; ++d) {
+            const double x = c.state.position[(3 * node + d) * W + lane] + c.state.origin[d * W + lane];
+            low[d] = std::min(low[d], x);
+            high[d] = std::max(high[d], x);
+        }
     double speed = 0;
     for (int node : t.samples) {
         Vec3<double> v;
@@ -63,9 +70,9 @@ bool detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& b
     };
     std::array<Candidate, max_contact_slots> near;
     // A finger that sleeps, and is to stay where it is, reaches as far as before.
-    if (!c.unchanged || !same_targets(c))
-        for (int lane = 0; lane < c.width; ++lane)
-            if ((c.used_lanes >> lane) & 1u) c.reach[lane] = lane_reach(c, lane, solver);
+    for (int lane = 0; lane < c.width; ++lane)
+        if (((c.used_lanes >> lane) & 1u) && !(((c.unchanged_lanes >> lane) & 1u) && same_target(c, lane)))
+            c.reach[lane] = lane_reach(c, lane, solver);
     const auto& reach = c.reach;
     int count = 0;
     bool crowded = false;

@@ -59,6 +59,7 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     for (int d = 0; d < 3; ++d)
         pull[d] = double(c.scratch.bone_springs[(2 + d) * W + lane]) - double(c.state.bone[d * W + lane]);
     coupling.force_N = coupling.stiffness * norm(pull);
+    if ((c.rigid_lanes >> lane) & 1u) return;  // it touches nothing, and did not when its skin was solved last
     out.total = {0, 0, 0};
     out.normal_force = out.touching_area = 0;
     out.touching = 0;
@@ -113,7 +114,7 @@ void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<doubl
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
         auto extract_awake = [&](const auto& chunk) {
-            if (!chunk.unchanged) extract(chunk, skin.lane, coupling, surfaces[row]);
+            if (!((chunk.unchanged_lanes >> skin.lane) & 1u)) extract(chunk, skin.lane, coupling, surfaces[row]);
         };
         if (skin.single_precision)
             extract_awake(float_chunks[skin.chunk]);

@@ -23,6 +23,7 @@ std::vector<std::string> SolverSettings::validate() const {
     need(limit_tolerance >= 1e-8 && limit_tolerance <= 0.5, "limit_tolerance must be between 1e-8 and 0.5");
     need(contact_tolerance >= 1e-10 && contact_tolerance <= 1e-2, "contact_tolerance must be between 1e-7 and 10 mm");
     need(sample_refinement >= 1 && sample_refinement <= 8, "sample_refinement must be between 1 and 8");
+    need(detail_tolerance >= 0 && detail_tolerance <= 1e-2, "detail_tolerance must be between 0 and 10 mm");
     need(sleep_speed >= 0 && sleep_speed <= 1e-2, "sleep_speed must be between 0 and 0.01 m/s");
     return wrong;
 }
@@ -156,7 +157,20 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
         for (int a : tet) mass[a] += p.density * volume / 4;
         for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
     }
-    for (int i = 0; i < t.node_count; ++i) c.rest.mass[i * W + lane] = T(mass[i]);
+    c.skin_mass[lane] = c.skin_inertia[lane] = 0;
+    for (int i = 0; i < t.node_count; ++i) {
+        c.rest.mass[i * W + lane] = T(mass[i]);
+        c.skin_mass[lane] += mass[i];
+        c.skin_inertia[lane] += 2.0 / 3 * mass[i] * node(i).squaredNorm();
+    }
+}
+
+/// Sphere around the samples at rest.
+Sphere sphere_around(const TetMesh& mesh, const std::vector<int>& samples) {
+    Eigen::AlignedBox3d box;
+    for (int node : samples) box.extend(Eigen::Map<const Eigen::Vector3d>(mesh.nodes[node].data()));
+    const Eigen::Vector3d c = box.center();
+    return {{c.x(), c.y(), c.z()}, box.diagonal().norm() / 2};
 }
 
 }  // namespace
@@ -182,6 +196,7 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     c.rest.tissue_stiffness[lane] = T(5 * E / volume * spacing);
     const double nu = p.poisson_ratio, lambda = nu / ((1 + nu) * (1 - 2 * nu));  // over Young's modulus
     c.rest.rounding_stiffness[lane] = T(std::max(5.0, 3 * lambda - 5) * E / volume * spacing);
+    c.rest_reach[lane] = sphere_around(*p.mesh, t.samples);
     const Vec3<double> origin = nearest_origin(bone.position);
     for (int d = 0; d < 3; ++d) c.state.origin[d * W + lane] = origin[d];
     for (int i = 0; i < t.node_count; ++i) {
@@ -270,6 +285,11 @@ Vec3<double> lane_origin(const SkinChunk<T>& c, int lane) {
 
 template <class T>
 Vec3<double> node_position(const SkinChunk<T>& c, int node, int lane) {
+    if ((c.rigid_lanes >> lane) & 1u) {
+        Vec3<double> rest;
+        for (int d = 0; d < 3; ++d) rest[d] = double(c.rest.rest_position[(3 * node + d) * c.width + lane]);
+        return transform(lane_bone(c, lane), rest);
+    }
     Vec3<double> x = lane_origin(c, lane);
     for (int d = 0; d < 3; ++d) x[d] += double(c.state.position[(3 * node + d) * c.width + lane]);
     return x;

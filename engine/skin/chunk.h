@@ -173,10 +173,19 @@ struct SolverSettings {
     double contact_tolerance = 2e-6;     ///< penetration allowed [m]
     int sample_refinement = 1;           ///< 1: contact is decided at nodes; n: at n times as many points along edges
     bool inertia = true;                 ///< false: static equilibrium
-    double sleep_speed = 1e-6;           ///< a chunk near no object, slower than this and with still targets, sleeps
+    double sleep_speed = 1e-6;           ///< a finger near no object, slower than this and with a still target, sleeps
                                          ///< [m/s]; 0 = never
+    double detail_tolerance = 0;         ///< skin near no object, off its rest shape by less than this, moves with its
+                                         ///< bone as one [m]; 0 = never
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;
+};
+
+/// Whether strain limits bear anything, so that nothing is spent where they do not. False says nothing.
+struct LimitActivity {
+    bool unloaded = false;          ///< all multipliers of the state are zero
+    bool candidates_clear = false;  ///< all updated multipliers in the scratch memory are zero
+    bool met = true;                ///< some element was at a limit, or had a multiplier, in the last evaluation
 };
 
 template <class T>
@@ -187,10 +196,17 @@ struct SkinChunk {
     Material material = Material::corotational;
     bool has_limits = false;
     bool has_friction = false;
-    bool asleep = false;                   ///< skipped by the last step: nothing near it, and nothing moves
-    bool unchanged = false;                ///< asleep, and as it was when its contact was read last
+    // Bits per lane (detail.cpp): what the step leaves out.
+    unsigned asleep_lanes = 0;     ///< nothing is near, and nothing moves
+    unsigned rigid_lanes = 0;      ///< nothing is near: the skin moves with its bone; its positions are not kept up
+    unsigned unchanged_lanes = 0;  ///< asleep, and as they were when their contact was read last
+    LimitActivity limits;
+    std::array<double, 16> skin_mass{},
+        skin_inertia{};                    ///< [lane] [kg], mean over axes through the bone's origin [kg m^2]
+    std::array<int, 16> calm_steps{};      ///< [lane] steps in a row with nothing near
+    std::array<Sphere, 16> rest_reach{};   ///< [lane] around its samples at rest, bone frame
     std::array<Sphere, 16> reach{};        ///< [lane] around its samples; kept while it sleeps
-    std::array<T, 9 * 16> still_spring{};  ///< coupling spring of all lanes when it fell asleep
+    std::array<T, 9 * 16> still_spring{};  ///< [9][lane] coupling spring when the lane fell asleep
     std::vector<int> finger;               ///< [lane] row of the finger; -1 where empty
     std::vector<SkinStatus> status;        ///< [lane]
     std::array<ContactSlot, max_contact_slots> slots;
@@ -245,11 +261,27 @@ double lane_friction(const SkinChunk<T>& c, int slot, int lane) {
 template <class T>
 void place_slots(SkinChunk<T>& chunk);
 
-/// Whether the couplings' targets are those at which the chunk fell asleep, to the last bit.
+/// Bits of the lanes that the step solves.
 template <class T>
-bool same_targets(const SkinChunk<T>& c) {
-    return std::equal(c.scratch.bone_springs.begin(), c.scratch.bone_springs.begin() + 9 * c.width,
-                      c.still_spring.begin());
+unsigned active_lanes(const SkinChunk<T>& c) {
+    return c.used_lanes & ~(c.asleep_lanes | c.rigid_lanes);
+}
+
+/// Bits of the lanes that something is near to.
+template <class T>
+unsigned near_lanes(const SkinChunk<T>& c) {
+    unsigned lanes = 0;
+    for (const ContactSlot& s : c.slots)
+        if (s.object >= 0) lanes |= s.near_lanes;
+    return lanes;
+}
+
+/// Whether a lane's coupling target is that at which it fell asleep, to the last bit.
+template <class T>
+bool same_target(const SkinChunk<T>& c, int lane) {
+    for (int i = lane; i < 9 * c.width; i += c.width)
+        if (c.scratch.bone_springs[std::size_t(i)] != c.still_spring[std::size_t(i)]) return false;
+    return true;
 }
 
 /// Moves a lane's origin to its bone where the bone has left it behind.
@@ -259,12 +291,25 @@ void rebase_lane(SkinChunk<T>& chunk, int lane);
 /// Origin of a lane, world [m].
 template <class T>
 Vec3<double> lane_origin(const SkinChunk<T>& chunk, int lane);
-/// A node of a lane, world [m].
+/// A node of a lane, world [m]: where the skin of a rigid lane is, too.
 template <class T>
 Vec3<double> node_position(const SkinChunk<T>& chunk, int node, int lane);
 /// The bone of a lane, world.
 template <class T>
 Pose<double> lane_bone(const SkinChunk<T>& chunk, int lane);
+
+/// Memory for further fingers of the archetype of `like`; it holds none yet.
+template <class T>
+SkinChunk<T> spare_chunk(const SkinChunk<T>& like, int width, int object_count, bool has_bodies);
+
+/// Whether a finger of one chunk could live in the other.
+template <class T>
+bool alike(const SkinChunk<T>& a, const SkinChunk<T>& b);
+
+/// The finger of a's lane, with its contacts, goes to b's lane; that of b's lane, if there is one, comes in return: it
+/// must be near no object. Returns false, and does nothing, where b has no slot left for an object that is near.
+template <class T>
+bool exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b);
 
 /// Lanes without a finger repeat lane 0, so that their arithmetic stays finite.
 template <class T>

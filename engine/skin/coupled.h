@@ -170,7 +170,7 @@ inline void condense(SkinChunk<ScalarOf<R>>& c) {
 template <class R>
 void coupled_begin(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::begin_step<R>(c, settings);
-    detail::keep_base<R>(c, mask_from_bits<R>(c.used_lanes));
+    detail::keep_base<R>(c, mask_from_bits<R>(active_lanes(c)));
 }
 
 /// Evaluates every lane at its positions and the slots' poses; reports to exchange.lanes.
@@ -346,10 +346,10 @@ void coupled_move(SkinChunk<ScalarOf<R>>& c, unsigned lanes, unsigned from_here)
 /// End of the step. Returns the bits of lanes that were reset: those of `failed`, and those that are lost.
 template <class R>
 unsigned coupled_end(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, unsigned failed) {
-    const MaskOf<R> used = mask_from_bits<R>(c.used_lanes);
-    const MaskOf<R> lost = used & (mask_from_bits<R>(failed) | detail::lost_lanes<R>(c));
+    const MaskOf<R> solved = mask_from_bits<R>(active_lanes(c));
+    const MaskOf<R> lost = solved & (mask_from_bits<R>(failed) | detail::lost_lanes<R>(c));
     if (any(lost)) detail::reset_lanes<R>(c, lost);
-    detail::update_multipliers<R>(c, used & !lost);
+    detail::update_multipliers<R>(c, solved & !lost);
     detail::end_step<R>(c, settings);
     return bits_from_mask<R>(lost);
 }

@@ -85,19 +85,26 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
     const SkinTopology& t = *c.topology;
     const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
     const Vec3<R>& s = svd.sigma;
-    R excess(0);
-    for (int i = 0; i < 3; ++i) excess = maximum(maximum((s[i] - high) / high, (low - s[i]) / low), excess);
-    out.violation = maximum(excess, out.violation);
-
-    const Mat3<R> multiplier = load_mat3<R>(&c.state.limit_multiplier[9 * e * W]);
+    const MaskOf<R> beyond = (s[0] > high) | (s[1] > high) | (s[2] > high) | (s[0] < low) | (s[1] < low) | (s[2] < low);
+    if (any(beyond)) {
+        R excess(0);
+        for (int i = 0; i < 3; ++i) excess = maximum(maximum((s[i] - high) / high, (low - s[i]) / low), excess);
+        out.violation = maximum(excess, out.violation);
+    }
+    Mat3<R> multiplier = Mat3<R>::zero();
     R largest(0);
-    for (int i = 0; i < 9; ++i) largest = maximum(absolute(multiplier.m[i / 3][i % 3]), largest);
+    if (!c.limits.unloaded) {
+        multiplier = load_mat3<R>(&c.state.limit_multiplier[9 * e * W]);
+        for (int i = 0; i < 9; ++i) largest = maximum(absolute(multiplier.m[i / 3][i % 3]), largest);
+    }
     const MaskOf<R> loaded = largest > R(0);
     ScalarOf<R>* candidate = &c.scratch.limit_candidate[9 * e * W];
-    if (!any(loaded | (excess > R(0)))) {
-        store_mat3<R>(candidate, Mat3<R>::zero());
+    if (!any(loaded | beyond)) {
+        if (!c.limits.candidates_clear) store_mat3<R>(candidate, Mat3<R>::zero());
         return;
     }
+    c.limits.met = true;
+    c.limits.candidates_clear = false;
     const R k =
         limit_penalty(multiplier, low, load<R>(&c.rest.limit_penalty[e * W]) * load<R>(&c.state.penalty_scale[0]));
     SignedSvd<R> shifted = svd;
@@ -461,7 +468,8 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     constexpr int W = lane_width<R>;
     constexpr bool with_matrix = want == detail::Want::forces_and_matrix;
     std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), T(0));
-    std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
+    if (c.limits.met) std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
+    c.limits.met = false;
     if (with_matrix) std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     Evaluation<R> out;
     detail::add_elements<want>(c, exactness, out);
@@ -478,7 +486,8 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
         const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * i * W]);
         out.residual += dot(g, g);
     }
-    if (c.has_limits) detail::add_pending_of_limits(c, out);
+    c.limits.candidates_clear |= !c.limits.met;
+    if (c.limits.met) detail::add_pending_of_limits(c, out);
     return out;
 }
 

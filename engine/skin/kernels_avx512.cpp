@@ -2,11 +2,8 @@
 #include "engine/skin/coupled.h"
 
 namespace palpate {
-const KernelSet avx512_kernels{"AVX-512",
-                               {{kernel<Lanes<double, 1, 512>>(),
-                                 kernel<Lanes<double, 4, 512>>(),
-                                 kernel<Lanes<double, 8, 512>>()}},
-                               {{kernel<Lanes<float, 1, 512>>(),
-                                 kernel<Lanes<float, 8, 512>>(),
-                                 kernel<Lanes<float, 16, 512>>()}}};
+const KernelSet avx512_kernels{
+    "AVX-512",
+    {{kernel<Lanes<double, 1, 512>>(), kernel<Lanes<double, 4, 512>>(), kernel<Lanes<double, 8, 512>>()}},
+    {{kernel<Lanes<float, 1, 512>>(), kernel<Lanes<float, 8, 512>>(), kernel<Lanes<float, 16, 512>>()}}};
 }  // namespace palpate

@@ -2,7 +2,6 @@
 #include "engine/skin/coupled.h"
 
 namespace palpate {
-const KernelSet plain_kernels{"plain",
-                              {{kernel<double>(), kernel<Lanes<double, 2>>()}},
-                              {{kernel<float>(), kernel<Lanes<float, 4>>()}}};
+const KernelSet plain_kernels{
+    "plain", {{kernel<double>(), kernel<Lanes<double, 2>>()}}, {{kernel<float>(), kernel<Lanes<float, 4>>()}}};
 }  // namespace palpate

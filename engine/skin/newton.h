@@ -49,10 +49,12 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
                                 double(c.rest.contact_penalty[l]) * double(c.state.penalty_scale[W + l]);
         if (rounding > 2e-6 * c.status[l].contact_force_N) stiff |= 1u << l;
     }
+    const MaskOf<R> active = mask_from_bits<R>(active_lanes(c));
     const MaskOf<R> rigid = mask_from_bits<R>(limited), kept[2] = {rigid, mask_from_bits<R>(limited & ~stiff)};
     for (int k = 0; k < 2; ++k) {
         T* scale = &c.state.penalty_scale[k * W];
-        store<R>(scale, maximum(select(kept[k], R(1), R(T(0.7))) * load<R>(scale), R(1)));
+        const R old = load<R>(scale);
+        store<R>(scale, select(active, maximum(select(kept[k], R(1), R(T(0.7))) * old, R(1)), old));
     }
     // The first guess: nodes coast on; but where elements are at their limits, that would carry them far
     // past, so there the skin moves with the bone as it is.
@@ -63,7 +65,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
         store_vec3<R>(p, select(rigid, bone.position + rotation * (x - before.position), coasting));
     }
     place_bone_nodes<R>(c);
-    if (!c.has_limits) return;
+    if (!c.has_limits || c.limits.unloaded) return;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
         T* p = &c.state.limit_multiplier[9 * e * W];
         store_mat3<R>(p, rotation * load_mat3<R>(p));
@@ -79,7 +81,11 @@ inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
         for (std::size_t i = begin * W; i < (begin + count) * W; i += W)
             store<R>(&to[i], select(lanes, load<R>(&from[i]), load<R>(&to[i])));
     };
-    if (c.has_limits) take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
+    if (c.has_limits && !(c.limits.unloaded && c.limits.candidates_clear)) {
+        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
+        const bool all_lanes = (bits_from_mask<R>(lanes) & c.used_lanes) == c.used_lanes;
+        c.limits.unloaded = (all_lanes || c.limits.unloaded) && c.limits.candidates_clear;
+    }
     const std::size_t S = c.topology->sample_count();
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
@@ -130,20 +136,39 @@ inline void move_from_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& 
     place_bone_nodes<R>(c);
 }
 
+/// Puts the lanes that the step leaves out back where they were: whether their neighbours are solved makes no
+/// difference to them.
+template <class R>
+inline void restore_inactive(SkinChunk<ScalarOf<R>>& c) {
+    using T = ScalarOf<R>;
+    if (active_lanes(c) == c.used_lanes) return;
+    const MaskOf<R> active = mask_from_bits<R>(active_lanes(c));
+    auto restore = [&](LaneArray<T>& to, const LaneArray<T>& from) {
+        for (std::size_t i = 0; i < to.size(); i += lane_width<R>)
+            store<R>(&to[i], select(active, load<R>(&to[i]), load<R>(&from[i])));
+    };
+    restore(c.state.position, c.scratch.start_position);
+    restore(c.state.bone, c.scratch.start_bone);
+    restore(c.scratch.svd, c.state.svd_guess);
+}
+
 /// Velocities of implicit Euler from the accepted positions.
 template <class R>
 inline void end_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const R rate = R(settings.inertia ? T(1 / settings.dt) : T(0));
+    restore_inactive<R>(c);
     for (std::size_t i = 0; i < c.state.position.size(); i += W)
         store<R>(&c.state.velocity[i], rate * (load<R>(&c.state.position[i]) - load<R>(&c.scratch.start_position[i])));
+    const MaskOf<R> active = mask_from_bits<R>(active_lanes(c));
     const Pose<R> now = load_pose<R>(c.state.bone.data()), before = load_pose<R>(c.scratch.start_bone.data());
-    store_vec3<R>(c.state.bone_velocity.data(), rate * (now.position - before.position));
+    T *linear = c.state.bone_velocity.data(), *angular = &c.state.bone_velocity[3 * W];
+    store_vec3<R>(linear, select(active, rate * (now.position - before.position), load_vec3<R>(linear)));
     const Quaternion<R> turn = now.rotation * conjugate(before.rotation);
     // Inverse of rotation_step: omega dt = 2 v / w.
     const R w = maximum(absolute(turn.w), R(T(0.1)));
-    store_vec3<R>(&c.state.bone_velocity[3 * W], (rate / w) * shorter_twice_vector(turn));
+    store_vec3<R>(angular, select(active, (rate / w) * shorter_twice_vector(turn), load_vec3<R>(angular)));
     std::swap(c.state.svd_guess, c.scratch.svd);
 }
 
@@ -235,6 +260,7 @@ inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e)
 template <class R>
 inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const LaneProgress<R>& p) {
     for (int l = 0; l < lane_width<R>; ++l) {
+        if ((((c.asleep_lanes | c.rigid_lanes) >> l) & 1u)) continue;
         SkinStatus& s = c.status[l];
         s.newton_iterations = int(lane(p.iterations, l));
         s.multiplier_updates = int(lane(p.updates, l));
@@ -283,7 +309,8 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     using T = ScalarOf<R>;
     detail::begin_step<R>(c, settings);
     detail::LaneProgress<R> p;
-    p.active = mask_from_bits<R>(c.used_lanes);
+    const MaskOf<R> solved = mask_from_bits<R>(active_lanes(c));
+    p.active = solved;
     p.converged = p.failed = mask_from_bits<R>(0);
     p.exactness = R(0);
     p.base_energy = p.last_excess = p.last_depth = R(std::numeric_limits<T>::max());
@@ -331,10 +358,9 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         }
         if (any(d.newton | d.retry)) detail::move_from_base<R>(c, d.newton | d.retry, p.alpha);
     }
-    p.failed = p.failed | (mask_from_bits<R>(c.used_lanes) &
-                           (detail::lost_lanes<R>(c) | detail::tangled_lanes<R>(c, e, p.converged)));
+    p.failed = p.failed | (solved & (detail::lost_lanes<R>(c) | detail::tangled_lanes<R>(c, e, p.converged | !solved)));
     if (any(p.failed)) detail::reset_lanes<R>(c, p.failed);
-    detail::update_multipliers<R>(c, mask_from_bits<R>(c.used_lanes) & !p.failed);
+    detail::update_multipliers<R>(c, solved & !p.failed);
     detail::record_status(c, e, p);
     detail::end_step<R>(c, settings);
 }

@@ -159,19 +159,19 @@ TEST(Step, AFingerFarFromEverythingSleepsUntilItsTargetMovesOrAnObjectComes) {
     };
     Pose<double> pose = spec.fingers[0].start;
     advance(pose, 20);
-    EXPECT_TRUE(world.double_chunks[0].asleep);
+    EXPECT_TRUE(world.double_chunks[0].asleep_lanes);
     const auto still = finger_positions(world, world.skins.owner(0));
     advance(pose, 20);
     EXPECT_EQ(finger_positions(world, world.skins.owner(0)), still);
     pose.position.x += 0.01;
     advance(pose, 1);
-    EXPECT_FALSE(world.double_chunks[0].asleep);
+    EXPECT_FALSE(world.double_chunks[0].asleep_lanes);
     advance(pose, 400);
-    EXPECT_TRUE(world.double_chunks[0].asleep);
+    EXPECT_TRUE(world.double_chunks[0].asleep_lanes);
     EXPECT_NEAR(finger_positions(world, world.skins.owner(0))[0][0], still[0][0] + 0.01, 1e-6);
     world.shapes[1].pose.position = pose.position - Vec3<double>{0, 0, 0.0135};  // the ball comes from below
     advance(pose, 3);
-    EXPECT_FALSE(world.double_chunks[0].asleep);
+    EXPECT_FALSE(world.double_chunks[0].asleep_lanes);
     EXPECT_GT(world.contact_surfaces[0].normal_force, 0);
 }
 

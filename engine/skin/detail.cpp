@@ -1,0 +1,190 @@
+#include "engine/skin/detail.h"
+
+#include <cmath>
+
+#include "engine/bodies/pose_spring.h"
+
+namespace palpate {
+
+namespace {
+
+/// So long is nothing near before a skin is taken for rigid: at the edge of an object's reach it would come and go.
+constexpr int calm_enough = 20;
+
+template <class T>
+Pose<double> spring_target(const SkinChunk<T>& c, int spring, int lane) {
+    auto v = [&](int i) { return double(c.scratch.bone_springs[std::size_t((9 * spring + 2 + i) * c.width + lane)]); };
+    return {{v(0), v(1), v(2)}, {v(3), v(4), v(5), v(6)}};
+}
+
+/// The bone, from the lane's origin.
+template <class T>
+Pose<double> local_bone(const SkinChunk<T>& c, int lane) {
+    Pose<double> bone = lane_bone(c, lane);
+    bone.position = bone.position - lane_origin(c, lane);
+    return bone;
+}
+
+template <class T>
+Vec3<double> read(const LaneArray<T>& a, int index, int width, int lane) {
+    const T* p = &a[std::size_t(3 * index * width + lane)];
+    return {double(p[0]), double(p[width]), double(p[2 * width])};
+}
+template <class T>
+void write(LaneArray<T>& a, int index, int width, int lane, const Vec3<double>& v) {
+    for (int d = 0; d < 3; ++d) a[std::size_t((3 * index + d) * width + lane)] = T(v[d]);
+}
+
+/// Gives a rigid lane its positions and velocities back.
+template <class T>
+void soften(SkinChunk<T>& c, int lane) {
+    const int W = c.width;
+    const Pose<double> bone = local_bone(c, lane);
+    const Mat3<double> rotation = rotation_matrix(bone.rotation);
+    const Vec3<double> speed = read(c.state.bone_velocity, 0, W, lane), spin = read(c.state.bone_velocity, 1, W, lane);
+    for (int i = 0; i < c.topology->node_count; ++i) {
+        const Vec3<double> arm = rotation * read(c.rest.rest_position, i, W, lane);
+        write(c.state.position, i, W, lane, bone.position + arm);
+        write(c.state.velocity, i, W, lane, speed + cross(spin, arm));
+    }
+    for (std::size_t i = 0; i < c.state.svd_guess.size() / std::size_t(W); ++i)
+        c.state.svd_guess[i * std::size_t(W) + std::size_t(lane)] = T(i % 9 % 4 == 0);
+    for (int k = 0; k < 2; ++k) c.state.penalty_scale[std::size_t(k * W + lane)] = T(1);
+    c.rigid_lanes &= ~(1u << lane);
+}
+
+template <class T>
+bool has_come_to_rest(const SkinChunk<T>& c, int lane, const SolverSettings& settings) {
+    if (settings.sleep_speed <= 0) return false;
+    const SkinStatus& status = c.status[std::size_t(lane)];
+    if (!status.converged || status.newton_iterations > 1) return false;
+    const std::size_t W = std::size_t(c.width);
+    const T limit = T(settings.sleep_speed);
+    for (std::size_t i = std::size_t(lane); i < c.state.velocity.size(); i += W)
+        if (!(std::abs(c.state.velocity[i]) < limit)) return false;
+    for (std::size_t i = std::size_t(lane); i < 3 * W; i += W)
+        if (!(std::abs(c.state.bone_velocity[i]) < limit)) return false;
+    return true;
+}
+
+/// Whether no node is, or in the next step would be, farther from its place on the bone than the tolerance.
+template <class T>
+bool has_rest_shape(const SkinChunk<T>& c, int lane, const SolverSettings& settings) {
+    if (settings.detail_tolerance <= 0 || c.calm_steps[std::size_t(lane)] < calm_enough) return false;
+    const SkinStatus& status = c.status[std::size_t(lane)];
+    if (status.reset || status.contact_force_N > 0 || status.limited_elements > 0) return false;
+    const int W = c.width;
+    const Pose<double> bone = local_bone(c, lane);
+    const Mat3<double> rotation = rotation_matrix(bone.rotation);
+    const Vec3<double> speed = read(c.state.bone_velocity, 0, W, lane), spin = read(c.state.bone_velocity, 1, W, lane);
+    for (int i = 0; i < c.topology->node_count; ++i) {
+        const Vec3<double> arm = rotation * read(c.rest.rest_position, i, W, lane);
+        const Vec3<double> off = read(c.state.position, i, W, lane) - bone.position - arm;
+        const Vec3<double> swing = read(c.state.velocity, i, W, lane) - speed - cross(spin, arm);
+        if (!(norm(off) + settings.dt * norm(swing) < settings.detail_tolerance)) return false;
+    }
+    return true;
+}
+
+template <class T>
+void fall_asleep(SkinChunk<T>& c, int lane) {
+    const std::size_t W = std::size_t(c.width);
+    for (auto* a : {&c.state.velocity, &c.state.bone_velocity})
+        for (std::size_t i = std::size_t(lane); i < a->size(); i += W) (*a)[i] = T(0);
+    for (std::size_t i = std::size_t(lane); i < 9 * W; i += W) c.still_spring[i] = c.scratch.bone_springs[i];
+    c.asleep_lanes |= 1u << lane;
+}
+
+}  // namespace
+
+template <class T>
+void wake_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
+    const unsigned near = near_lanes(c);
+    c.unchanged_lanes = 0;
+    for (int lane = 0; lane < c.width; ++lane) {
+        const unsigned bit = 1u << lane;
+        if (!(c.used_lanes & bit)) continue;
+        if (near & bit) {
+            c.calm_steps[std::size_t(lane)] = 0;
+            if (c.rigid_lanes & bit) soften(c, lane);
+            c.asleep_lanes &= ~bit;
+        } else if (c.asleep_lanes & bit) {
+            (same_target(c, lane) ? c.unchanged_lanes : c.asleep_lanes) ^= bit;
+            // What slept has its rest shape: it need not be solved to be moved.
+            if (!(c.asleep_lanes & bit) && has_rest_shape(c, lane, settings)) c.rigid_lanes |= bit;
+        }
+        if (!(c.asleep_lanes & bit)) continue;
+        SkinStatus& s = c.status[std::size_t(lane)];
+        s.newton_iterations = s.multiplier_updates = s.backtracks = 0;
+    }
+}
+
+template <class T>
+void move_rigid_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
+    const double dt = settings.dt;
+    for (int lane = 0; lane < c.width; ++lane) {
+        if (!((c.rigid_lanes >> lane) & 1u)) continue;
+        Pose<double> before = local_bone(c, lane);
+        const Vec3<double> speed = read(c.state.bone_velocity, 0, c.width, lane);
+        // The skin's mass coasts as the bone's does: to the target of the third spring.
+        double linear = c.skin_mass[std::size_t(lane)] / (dt * dt);
+        Vec3<double> pull = linear * (before.position + dt * speed);
+        for (int s = 0; s < bone_spring_count; ++s) {
+            const double k = double(c.scratch.bone_springs[std::size_t(9 * s * c.width + lane)]);
+            pull += k * spring_target(c, s, lane).position;
+            linear += k;
+        }
+        Pose<double> bone{(1 / linear) * pull, before.rotation};
+        for (int newton = 0; newton < 4; ++newton) {
+            Vec3<double> torque{0, 0, 0};
+            double curvature = 0;
+            for (int s = 0; s < bone_spring_count; ++s) {
+                const double own = double(c.scratch.bone_springs[std::size_t((9 * s + 1) * c.width + lane)]);
+                const double k = own + (s == 2 ? c.skin_inertia[std::size_t(lane)] / (dt * dt) : 0);
+                const PoseTerms<double> terms = pose_spring(PoseSpring<double>{0, k, spring_target(c, s, lane)}, bone);
+                torque += terms.torque;
+                curvature += terms.angular_curvature;
+            }
+            if (!(curvature > 0)) break;
+            bone.rotation = normalised(rotation_step((-1 / curvature) * torque) * bone.rotation);
+        }
+        c.status[std::size_t(lane)] = {};
+        c.status[std::size_t(lane)].converged = true;
+        if (!std::isfinite(dot(bone.position, bone.position) + bone.rotation.w)) {
+            before = bone = spring_target(c, 0, lane);
+            c.status[std::size_t(lane)].reset = true;
+        }
+        const Quaternion<double> turn = bone.rotation * conjugate(before.rotation);
+        write(c.state.bone_velocity, 0, c.width, lane, (1 / dt) * (bone.position - before.position));
+        write(c.state.bone_velocity, 1, c.width, lane,
+              (1 / (dt * std::max(std::abs(turn.w), 0.1))) * shorter_twice_vector(turn));
+        const double v[7] = {bone.position.x, bone.position.y, bone.position.z, bone.rotation.w,
+                             bone.rotation.x, bone.rotation.y, bone.rotation.z};
+        for (int i = 0; i < 7; ++i) c.state.bone[std::size_t(i * c.width + lane)] = T(v[i]);
+    }
+}
+
+template <class T>
+void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
+    if (!settings.inertia) return;
+    const unsigned near = near_lanes(c);
+    for (int lane = 0; lane < c.width; ++lane) {
+        const unsigned bit = 1u << lane;
+        if (!(active_lanes(c) & bit) || (near & bit)) continue;
+        ++c.calm_steps[std::size_t(lane)];
+        if (has_come_to_rest(c, lane, settings))
+            fall_asleep(c, lane);
+        else if (has_rest_shape(c, lane, settings))
+            c.rigid_lanes |= bit;
+    }
+}
+
+#define PALPATE_INSTANTIATE(T)                                            \
+    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);       \
+    template void move_rigid_lanes(SkinChunk<T>&, const SolverSettings&); \
+    template void settle_lanes(SkinChunk<T>&, const SolverSettings&);
+PALPATE_INSTANTIATE(double)
+PALPATE_INSTANTIATE(float)
+#undef PALPATE_INSTANTIATE
+
+}  // namespace palpate

@@ -1,0 +1,22 @@
+#pragma once
+// What a finger near nothing is left out of: it sleeps where nothing moves, and moves as one with its bone where that
+// is allowed. Per lane, whatever its neighbours do.
+
+#include "engine/skin/chunk.h"
+
+namespace palpate {
+
+/// Before the solve: wakes the lanes that an object has come near to, or whose target moves.
+template <class T>
+void wake_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);
+
+/// Moves the bones of the chunk's rigid lanes by one step: implicit Euler of one rigid body on its springs.
+template <class T>
+void move_rigid_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);
+
+/// After the solve: puts to sleep the lanes that have come to rest, and makes rigid those whose skin has come to its
+/// rest shape, or fell asleep, as far as the settings allow it.
+template <class T>
+void settle_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);
+
+}  // namespace palpate
