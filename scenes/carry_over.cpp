@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/skin/detail.h"
 #include "scenes/hardware.h"
 
 namespace palpate {
@@ -15,6 +16,24 @@ bool alike(const std::vector<SkinChunk<T>>& a, const std::vector<SkinChunk<T>>& 
                x.topology->elements == y.topology->elements && x.topology->samples == y.topology->samples &&
                x.finger == y.finger;
     });
+}
+
+/// Puts the fingers of a fresh world into the lanes that they have moved to in the other.
+template <class T>
+void rearrange(const World& like, const std::vector<SkinChunk<T>>& model, World& fresh,
+               std::vector<SkinChunk<T>>& chunks) {
+    if (chunks.size() != model.size() || like.skins.size() != fresh.skins.size()) return;
+    for (std::size_t i = 0; i < fresh.skins.size(); ++i) {
+        const Skin& there = like.skins[i];
+        Skin& here = fresh.skins[i];
+        if (there.single_precision != here.single_precision || here.single_precision != (sizeof(T) == 4)) continue;
+        if (there.chunk == here.chunk && there.lane == here.lane) continue;
+        SkinChunk<T>&from = chunks[std::size_t(here.chunk)], &to = chunks[std::size_t(there.chunk)];
+        if (there.lane >= to.width || !alike(from, to) || !exchange_lanes(from, here.lane, to, there.lane)) return;
+        if (const int other = from.finger[std::size_t(here.lane)]; other >= 0)
+            fresh.skins[std::size_t(other)].chunk = here.chunk, fresh.skins[std::size_t(other)].lane = here.lane;
+        here.chunk = there.chunk, here.lane = there.lane;
+    }
 }
 
 bool alike(const Simulation& a, const Simulation& b) {
@@ -37,8 +56,10 @@ bool alike(const Simulation& a, const Simulation& b) {
 }
 
 template <class T>
-void carry_chunks(const std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T>>& to) {
+void carry_chunks(std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T>>& to) {
     for (std::size_t k = 0; k < from.size(); ++k) {
+        soften_lanes(from[k], from[k].rigid_lanes);
+        to[k].limits = {};
         const SkinState<T>& a = from[k].state;
         SkinState<T>& b = to[k].state;
         b.origin = a.origin;
@@ -62,8 +83,10 @@ void carry_chunks(const std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T
 }  // namespace
 
 bool carry_over(Simulation& from, Simulation& to) {
-    if (!alike(from, to)) return false;
     World &u = from.world, &v = to.world;
+    rearrange(u, u.double_chunks, v, v.double_chunks);
+    rearrange(u, u.float_chunks, v, v.float_chunks);
+    if (!alike(from, to)) return false;
     v.time = u.time, v.step = u.step;
     carry_chunks(u.double_chunks, v.double_chunks);
     carry_chunks(u.float_chunks, v.float_chunks);

@@ -61,6 +61,9 @@ void read_solver(Section s, Scene& scene) {
     v.limit_tolerance = s.number("limit_tolerance", v.limit_tolerance, 1e-8, 0.5);
     v.contact_tolerance = s.number("contact_tolerance_um", v.contact_tolerance * 1e6, 1e-4, 1e4, 1e-6);
     v.sleep_speed = s.number("sleep_speed_um_per_s", v.sleep_speed * 1e6, 0, 1e4, 1e-6);
+    const bool automatic = s.choice("detail", "full", {"full", "auto"}) == "auto";
+    const double tolerance = s.number("detail_tolerance_mm", 0.02, 1e-6, 10, mm);
+    v.detail_tolerance = automatic ? tolerance : 0;
     v.inertia = !s.boolean("static", !v.inertia);
     const bool single = s.choice("precision", "double", {"double", "float"}) == "float";
     for (FingerSpec& f : scene.spec.fingers) f.single_precision = single;

@@ -52,7 +52,8 @@ inline void add_friction(const Vec3<R>& slip, const R& k_slip, const ContactStat
     const Vec3<R> multiplier = state.tangential_multiplier - dot(n, state.tangential_multiplier) * n;
     const Vec3<R> s = multiplier + k_slip * slip_t;
     const R length = norm(s);
-    const MaskOf<R> slides = length > state.friction_radius;
+    // Without slip and without contact, too: what does not touch has no stiffness.
+    const MaskOf<R> slides = length >= state.friction_radius;
     const R safe = select(length > R(0), length, R(1));
     const R scale = select(slides, state.friction_radius / safe, R(1));
     const R over = select(slides, length - state.friction_radius, R(0));

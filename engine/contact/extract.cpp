@@ -73,12 +73,12 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
         out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
         out.force[s] = {0, 0, 0};
     }
+    const SlotOrder slots = occupied_slots(c);
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         const Vec3<double> x = sample_position(c, c.state.position, s, lane);
         Vec3<double> force{0, 0, 0};
         double normal_force = 0;
-        for (int slot = 0; slot < c.slot_capacity; ++slot) {
-            if (c.slots[slot].object < 0) continue;
+        for (const int slot : slots) {
             const double normal = c.state.normal_multiplier[(slot * t.sample_count() + s) * W + lane];
             if (normal <= 0) continue;
             force += sample_force(c, lane, slot, s, x, out.objects[slot]);

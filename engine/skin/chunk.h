@@ -244,6 +244,27 @@ void set_lane(SkinChunk<T>& chunk, int lane, int finger, const SkinParameters& p
 template <class T>
 void set_contact_areas(SkinChunk<T>& chunk, int lane, const TetMesh& mesh);
 
+/// The slots that hold an object, in the order of the objects: sums over them do not depend on which came first, nor on
+/// what else is near the chunk.
+struct SlotOrder {
+    std::array<int, max_contact_slots> slot;
+    int count = 0;
+    const int* begin() const { return slot.data(); }
+    const int* end() const { return slot.data() + count; }
+};
+template <class T>
+SlotOrder occupied_slots(const SkinChunk<T>& c) {
+    SlotOrder o;
+    for (int slot = 0; slot < c.slot_capacity; ++slot) {
+        if (c.slots[slot].object < 0) continue;
+        int place = o.count++;
+        for (; place > 0 && c.slots[o.slot[place - 1]].object > c.slots[slot].object; --place)
+            o.slot[place] = o.slot[place - 1];
+        o.slot[place] = slot;
+    }
+    return o;
+}
+
 /// Gives a lane its own coefficient of friction against an object, one of `objects`; the others keep theirs.
 template <class T>
 void set_lane_friction(SkinChunk<T>& chunk, int lane, int object, double friction, const std::vector<double>& objects);

@@ -286,6 +286,7 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
     const std::size_t S = t.sample_count();
     std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
     std::fill(c.scratch.sample_residual.begin(), c.scratch.sample_residual.end(), T(0));
+    const SlotOrder slots = occupied_slots(c);
     for (std::size_t i = 0; i < S; ++i) {
         if (!is_free_sample(t, i)) continue;
         const Vec3<R> base = at_sample<R>(t, c.state.position.data(), i);
@@ -294,8 +295,7 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         Vec3<R> residual{R(0), R(0), R(0)};
         Mat3<R> change = Mat3<R>::zero(), fixed_curvature = change;
         Vec3<R> fixed_gradient = residual;
-        for (int slot = 0; slot < c.slot_capacity; ++slot) {
-            if (c.slots[slot].object < 0) continue;
+        for (const int slot : slots) {
             const ContactTerms<R> terms =
                 detail::sample_contact<R>(c, slot, detail::slot_frame<R>(c, slot), i, x, exactness).terms;
             if (c.slots[slot].body < 0) {

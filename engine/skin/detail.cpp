@@ -98,6 +98,12 @@ void fall_asleep(SkinChunk<T>& c, int lane) {
 }  // namespace
 
 template <class T>
+void soften_lanes(SkinChunk<T>& c, unsigned lanes) {
+    for (int lane = 0; lane < c.width; ++lane)
+        if ((c.rigid_lanes & lanes) >> lane & 1u) soften(c, lane);
+}
+
+template <class T>
 void wake_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     const unsigned near = near_lanes(c);
     c.unchanged_lanes = 0;
@@ -106,7 +112,7 @@ void wake_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
         if (!(c.used_lanes & bit)) continue;
         if (near & bit) {
             c.calm_steps[std::size_t(lane)] = 0;
-            if (c.rigid_lanes & bit) soften(c, lane);
+            soften_lanes(c, bit);
             c.asleep_lanes &= ~bit;
         } else if (c.asleep_lanes & bit) {
             (same_target(c, lane) ? c.unchanged_lanes : c.asleep_lanes) ^= bit;
@@ -180,6 +186,7 @@ void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
 }
 
 #define PALPATE_INSTANTIATE(T)                                            \
+    template void soften_lanes(SkinChunk<T>&, unsigned);                  \
     template void wake_lanes(SkinChunk<T>&, const SolverSettings&);       \
     template void move_rigid_lanes(SkinChunk<T>&, const SolverSettings&); \
     template void settle_lanes(SkinChunk<T>&, const SolverSettings&);

@@ -10,6 +10,10 @@ namespace palpate {
 template <class T>
 void wake_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);
 
+/// Gives the skin of rigid lanes positions and velocities of its own again: those of its bone.
+template <class T>
+void soften_lanes(SkinChunk<T>& chunk, unsigned lanes);
+
 /// Moves the bones of the chunk's rigid lanes by one step: implicit Euler of one rigid body on its springs.
 template <class T>
 void move_rigid_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);

@@ -83,13 +83,13 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
     R squared(0);
+    const SlotOrder slots = occupied_slots(c);
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         if (!is_free_sample(t, s)) continue;
         const Vec3<R> x = at_sample<R>(t, c.state.position.data(), s) + at_sample<R>(t, c.scratch.direction.data(), s);
         Vec3<R> gradient{R(0), R(0), R(0)};
         Mat3<R> curvature = Mat3<R>::zero();
-        for (int slot = 0; slot < c.slot_capacity; ++slot) {
-            if (c.slots[slot].object < 0) continue;
+        for (const int slot : slots) {
             const ContactTerms<R> terms = sample_contact<R>(c, slot, slot_frame<R>(c, slot), s, x, exactness).terms;
             gradient += terms.gradient;
             curvature = curvature + terms.curvature;

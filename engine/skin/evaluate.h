@@ -403,8 +403,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     const SkinTopology& t = *c.topology;
     std::fill(c.scratch.sample_gradient.begin(), c.scratch.sample_gradient.end(), T(0));
     std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
-    for (int slot = 0; slot < c.slot_capacity; ++slot) {
-        if (c.slots[slot].object < 0) continue;
+    for (const int slot : occupied_slots(c)) {
         const SlotFrame<R> frame = slot_frame<R>(c, slot);
         const R friction = slot_friction<R>(c, slot);
         for (std::size_t s = 0; s < t.sample_count(); ++s) {

@@ -1,0 +1,247 @@
+// What fingers near nothing are left out of, and how those that are solved come together.
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <random>
+
+#include "engine/build.h"
+#include "engine/skin/detail.h"
+#include "engine/step.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+struct Touches {
+    std::vector<double> from, to;  ///< [finger] [step] it is pressed down
+};
+
+SceneSpec fingers_over_a_table(int fingers, bool single, double detail_tolerance) {
+    SceneSpec spec;
+    spec.solver.dt = 0.002;
+    spec.solver.newton_iterations = 3;
+    spec.solver.detail_tolerance = detail_tolerance;
+    for (int i = 0; i < fingers; ++i) {
+        FingerSpec f;
+        f.name = "finger" + std::to_string(i);
+        f.mesh = testing::block_mesh(3, 2, 2, 0.004);
+        for (Point& p : f.mesh.nodes) p[0] *= 1 + 0.01 * i;
+        f.has_limits = true;
+        f.single_precision = single;
+        f.start.position = {0.05 * i, 0, 0.03};
+        spec.fingers.push_back(std::move(f));
+    }
+    spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});
+    spec.objects.push_back({"ball", {ShapeKind::sphere, {0.01, 0, 0}}, {{0.05, 0.001, -0.0085}, {1, 0, 0, 0}}, 0.3});
+    return spec;
+}
+
+/// Where finger i is told to be: down and up again within its time, and otherwise still high above.
+Pose<double> told(const Pose<double>& start, int i, int k, const Touches& touches) {
+    Pose<double> pose = start;
+    const double in = k - touches.from[std::size_t(i)], left = touches.to[std::size_t(i)] - k;
+    pose.position.z -= 0.0272 * std::clamp(std::min(in, left) / 15.0, 0.0, 1.0);
+    pose.position.y += 1e-3 * std::clamp(in / 60.0, 0.0, 1.0);
+    return pose;
+}
+
+void advance(World& world, oneapi::tbb::task_arena& arena, int k, const std::vector<int>& numbers,
+             const Touches& touches) {
+    for (std::size_t row = 0; row < world.skins.size(); ++row)
+        world.tracker_poses.find(world.couplings[row].tracker)->incoming = {
+            told(world.skins[row].start, numbers[row], k, touches), world.time, true};
+    step(world, arena);
+}
+
+Touches random_touches(int fingers, unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_int_distribution<int> start(20, 200), length(30, 150);
+    Touches t;
+    for (int i = 0; i < fingers; ++i) {
+        t.from.push_back(start(random));
+        t.to.push_back(t.from.back() + length(random));
+    }
+    return t;
+}
+
+int solved_lanes(const World& world) {
+    int lanes = 0;
+    for (const auto& c : world.double_chunks) lanes += active_lanes(c) ? c.width : 0;
+    for (const auto& c : world.float_chunks) lanes += active_lanes(c) ? c.width : 0;
+    return lanes;
+}
+
+struct Case {
+    bool single;
+    double detail_tolerance;
+};
+class Gathering : public ::testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(All, Gathering,
+                         ::testing::Values(Case{false, 0}, Case{true, 0}, Case{false, 2e-5}, Case{true, 2e-5}),
+                         [](const auto& i) {
+                             return std::string(i.param.single ? "Float" : "Double") +
+                                    (i.param.detail_tolerance > 0 ? "Auto" : "Full");
+                         });
+
+TEST_P(Gathering, LeavesEveryFingerTheBitsItHasAlone) {
+    constexpr int fingers = 21;
+    const auto [single, tolerance] = GetParam();
+    const Touches touches = random_touches(fingers, 3);
+    const SceneSpec spec = fingers_over_a_table(fingers, single, tolerance);
+    World together = build_world(spec);
+    std::vector<World> alone;
+    std::vector<int> numbers;
+    for (int i = 0; i < fingers; ++i) {
+        SceneSpec own = spec;
+        own.fingers = {spec.fingers[std::size_t(i)]};
+        alone.push_back(build_world(own));
+        numbers.push_back(i);
+    }
+    oneapi::tbb::task_arena arena(1);
+    int touching = 0, moved = 0;
+    for (int k = 0; k < 400; ++k) {
+        advance(together, arena, k, numbers, touches);
+        for (int i = 0; i < fingers; ++i) {
+            World& one = alone[std::size_t(i)];
+            advance(one, arena, k, {i}, touches);
+            ASSERT_EQ(finger_positions(together, together.skins.owner(std::size_t(i))),
+                      finger_positions(one, one.skins.owner(0)))
+                << "finger " << i << " in step " << k;
+            const ContactSurface &a = together.contact_surfaces[std::size_t(i)], &b = one.contact_surfaces[0];
+            ASSERT_EQ(a.normal_force, b.normal_force) << "finger " << i << " in step " << k;
+            ASSERT_EQ(a.total.y, b.total.y) << "finger " << i << " in step " << k;
+            touching += a.normal_force > 0.01;
+        }
+        for (const auto& chunks = together.double_chunks; const auto& c : chunks)
+            for (int lane = 0; lane < c.width; ++lane)
+                if (c.finger[std::size_t(lane)] >= 0) moved += c.finger[std::size_t(lane)] % 8 != lane && c.width == 8;
+    }
+    EXPECT_GT(touching, 1000);
+    if (!single) { EXPECT_GT(moved, 0); }
+}
+
+TEST_P(Gathering, SolvesFewLanesWhereFewFingersTouch) {
+    constexpr int fingers = 40;
+    const auto [single, tolerance] = GetParam();
+    World world = build_world(fingers_over_a_table(fingers, single, tolerance));
+    const int all = int(world.skins.size());
+    Touches touches;
+    std::vector<int> numbers;
+    for (int i = 0; i < fingers; ++i) {  // three that lie far apart touch, one after the other
+        numbers.push_back(i);
+        touches.from.push_back(i % 16 == 5 ? 60 + 40 * (i / 16) : 1e9);
+        touches.to.push_back(2e9);
+    }
+    oneapi::tbb::task_arena arena(1);
+    for (int k = 0; k < 120; ++k) advance(world, arena, k, numbers, touches);
+    int widest = 1;
+    for (const auto& c : world.double_chunks) widest = std::max(widest, c.width);
+    for (const auto& c : world.float_chunks) widest = std::max(widest, c.width);
+    EXPECT_LE(solved_lanes(world), std::max(widest, 4)) << "of " << all;
+    for (int k = 120; k < 260; ++k) advance(world, arena, k, numbers, touches);
+    EXPECT_LE(solved_lanes(world), std::max(widest, 4));
+    for (int i : {5, 21, 37}) EXPECT_GT(world.contact_surfaces[std::size_t(i)].normal_force, 0.01);
+}
+
+TEST(ExchangeLanes, ThereAndBackIsNothing) {
+    SceneSpec spec = fingers_over_a_table(12, false, 0);
+    World world = build_world(spec);
+    const Touches touches = random_touches(12, 5);
+    std::vector<int> numbers;
+    for (int i = 0; i < 12; ++i) numbers.push_back(i);
+    oneapi::tbb::task_arena arena(1);
+    for (int k = 0; k < 120; ++k) advance(world, arena, k, numbers, touches);
+    auto& chunks = world.double_chunks;
+    int exchanged = 0;
+    for (auto& a : chunks)
+        for (auto& b : chunks) {
+            if (&a == &b) continue;
+            for (int l = 0; l < a.width; ++l)
+                for (int m = 0; m < b.width; ++m) {
+                    if (!((active_lanes(a) >> l) & 1u) || !((b.asleep_lanes >> m) & 1u)) continue;
+                    const SkinState<double> before_a = a.state, before_b = b.state;
+                    const auto slots = a.slots;
+                    if (!exchange_lanes(a, l, b, m)) continue;
+                    EXPECT_NE(a.state.position, before_a.position);
+                    ASSERT_TRUE(exchange_lanes(b, m, a, l));
+                    EXPECT_EQ(a.state.position, before_a.position);
+                    EXPECT_EQ(b.state.position, before_b.position);
+                    EXPECT_EQ(a.state.origin, before_a.origin);
+                    EXPECT_EQ(a.state.normal_multiplier, before_a.normal_multiplier);
+                    EXPECT_EQ(a.state.tangential_multiplier, before_a.tangential_multiplier);
+                    EXPECT_EQ(a.state.limit_multiplier, before_a.limit_multiplier);
+                    for (std::size_t s = 0; s < slots.size(); ++s) EXPECT_EQ(a.slots[s].object, slots[s].object);
+                    ++exchanged;
+                }
+        }
+    EXPECT_GT(exchanged, 0);
+}
+
+/// A finger led through the air, stopped, pressed, rolled, lifted.
+Pose<double> journey(const Pose<double>& start, double t) {
+    Pose<double> pose = start;
+    pose.position.x += 0.1 * std::sin(2 * t) * std::clamp(t, 0.0, 1.0);
+    pose.position.z += 0.015 * std::sin(9 * t) - 0.0125;
+    const double angle = 0.3 * std::sin(5 * t);
+    pose.rotation = {std::cos(angle / 2), std::sin(angle / 2), 0, 0};
+    return pose;
+}
+
+TEST(RigidSkin, GivesTheForcesOfTheFullSolveWithinItsTolerance) {
+    auto run = [](double tolerance, int& rigid, std::vector<Vec3<double>>& forces, std::vector<double>& pulls) {
+        SceneSpec spec = fingers_over_a_table(1, false, tolerance);
+        spec.solver.dt = 0.001;
+        spec.solver.newton_iterations = 30;
+        World world = build_world(spec);
+        oneapi::tbb::task_arena arena(1);
+        rigid = 0;
+        for (int k = 0; k < 3000; ++k) {
+            world.tracker_poses[0].incoming = {journey(world.skins[0].start, 0.001 * k), world.time, true};
+            step(world, arena);
+            rigid += world.double_chunks[0].rigid_lanes != 0;
+            forces.push_back(world.contact_surfaces[0].total);
+            pulls.push_back(world.couplings[0].force_N);
+        }
+    };
+    std::vector<Vec3<double>> full, automatic;
+    std::vector<double> full_pull, automatic_pull;
+    int rigid = 0, none = 0;
+    run(0, none, full, full_pull);
+    run(2e-5, rigid, automatic, automatic_pull);
+    EXPECT_EQ(none, 0);
+    EXPECT_GT(rigid, 500);
+    double largest = 0, off = 0, off_pull = 0;
+    for (std::size_t k = 0; k < full.size(); ++k) {
+        largest = std::max(largest, norm(full[k]));
+        off = std::max(off, norm(full[k] - automatic[k]));
+        off_pull = std::max(off_pull, std::abs(full_pull[k] - automatic_pull[k]));
+    }
+    EXPECT_GT(largest, 0.5);
+    EXPECT_LT(off, 0.01 * largest);
+    EXPECT_LT(off_pull, 0.01 * largest);
+}
+
+TEST(RigidSkin, MovesAsTheBoneOfTheFullSolve) {
+    auto bones = [](double tolerance) {
+        SceneSpec spec = fingers_over_a_table(1, false, tolerance);
+        spec.fingers[0].start.position.z = 0.2;
+        World world = build_world(spec);
+        oneapi::tbb::task_arena arena(1);
+        std::vector<Pose<double>> all;
+        for (int k = 0; k < 500; ++k) {
+            world.tracker_poses[0].incoming = {journey(world.skins[0].start, 0.002 * k), world.time, true};
+            step(world, arena);
+            all.push_back(bone_pose(world, world.skins.owner(0)));
+        }
+        return all;
+    };
+    const auto full = bones(0), rigid = bones(1e-3);
+    for (std::size_t k = 0; k < full.size(); ++k) {
+        EXPECT_LT(norm(full[k].position - rigid[k].position), 2e-5) << "step " << k;
+        EXPECT_LT(norm((full[k].rotation * conjugate(rigid[k].rotation)).vector()), 2e-3) << "step " << k;
+    }
+}
+
+}  // namespace
+}  // namespace palpate
