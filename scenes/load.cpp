@@ -63,7 +63,9 @@ void read_solver(Section s, Scene& scene) {
     v.sleep_speed = s.number("sleep_speed_um_per_s", v.sleep_speed * 1e6, 0, 1e4, 1e-6);
     const bool automatic = s.choice("detail", "full", {"full", "auto"}) == "auto";
     const double tolerance = s.number("detail_tolerance_mm", 0.02, 1e-6, 10, mm);
+    const double penetration = s.number("detail_penetration_mm", 0.1, 1e-6, 10, mm);
     v.detail_tolerance = automatic ? tolerance : 0;
+    v.detail_penetration = automatic ? penetration : 0;
     v.inertia = !s.boolean("static", !v.inertia);
     const bool single = s.choice("precision", "double", {"double", "float"}) == "float";
     for (FingerSpec& f : scene.spec.fingers) f.single_precision = single;

@@ -23,6 +23,7 @@ std::vector<std::string> SolverSettings::validate() const {
     need(limit_tolerance >= 1e-8 && limit_tolerance <= 0.5, "limit_tolerance must be between 1e-8 and 0.5");
     need(contact_tolerance >= 1e-10 && contact_tolerance <= 1e-2, "contact_tolerance must be between 1e-7 and 10 mm");
     need(sample_refinement >= 1 && sample_refinement <= 8, "sample_refinement must be between 1 and 8");
+    need(detail_penetration >= 0 && detail_penetration <= 1e-2, "detail_penetration must be between 0 and 10 mm");
     need(detail_tolerance >= 0 && detail_tolerance <= 1e-2, "detail_tolerance must be between 0 and 10 mm");
     need(sleep_speed >= 0 && sleep_speed <= 1e-2, "sleep_speed must be between 0 and 0.01 m/s");
     return wrong;

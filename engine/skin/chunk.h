@@ -175,6 +175,8 @@ struct SolverSettings {
     bool inertia = true;                 ///< false: static equilibrium
     double sleep_speed = 1e-6;           ///< a finger near no object, slower than this and with a still target, sleeps
                                          ///< [m/s]; 0 = never
+    double detail_penetration = 0;       ///< samples between nodes count only where they would be deeper in an object
+                                         ///< than this [m]; 0: always
     double detail_tolerance = 0;         ///< skin near no object, off its rest shape by less than this, moves with its
                                          ///< bone as one [m]; 0 = never
     /// Sentences about what is wrong; empty if nothing is.
@@ -200,10 +202,12 @@ struct SkinChunk {
     unsigned asleep_lanes = 0;     ///< nothing is near, and nothing moves
     unsigned rigid_lanes = 0;      ///< nothing is near: the skin moves with its bone; its positions are not kept up
     unsigned unchanged_lanes = 0;  ///< asleep, and as they were when their contact was read last
+    unsigned fine_lanes = ~0u;     ///< contact is decided between nodes, too, where the topology has such samples
     LimitActivity limits;
     std::array<double, 16> skin_mass{},
         skin_inertia{};                    ///< [lane] [kg], mean over axes through the bone's origin [kg m^2]
     std::array<int, 16> calm_steps{};      ///< [lane] steps in a row with nothing near
+    std::array<int, 16> coarse_steps{};    ///< [lane] steps in a row in which samples between nodes made no difference
     std::array<Sphere, 16> rest_reach{};   ///< [lane] around its samples at rest, bone frame
     std::array<Sphere, 16> reach{};        ///< [lane] around its samples; kept while it sleeps
     std::array<T, 9 * 16> still_spring{};  ///< [9][lane] coupling spring when the lane fell asleep
@@ -263,6 +267,12 @@ SlotOrder occupied_slots(const SkinChunk<T>& c) {
         o.slot[place] = slot;
     }
     return o;
+}
+
+/// Samples that count in some lane: those at nodes come first.
+template <class T>
+std::size_t samples_in_use(const SkinChunk<T>& c) {
+    return (c.fine_lanes & c.used_lanes) ? c.topology->sample_count() : c.topology->samples.size();
 }
 
 /// Gives a lane its own coefficient of friction against an object, one of `objects`; the others keep theirs.

@@ -86,6 +86,28 @@ bool has_rest_shape(const SkinChunk<T>& c, int lane, const SolverSettings& setti
     return true;
 }
 
+/// Whether a sample between nodes bears a force, or would have to, to stay out of an object.
+template <class T>
+bool is_deep_between_nodes(const SkinChunk<T>& c, int lane, double depth) {
+    const SkinTopology& t = *c.topology;
+    const Vec3<double> origin = lane_origin(c, lane);
+    for (const int slot : occupied_slots(c)) {
+        const ContactSlot& s = c.slots[std::size_t(slot)];
+        if (!((s.near_lanes >> lane) & 1u)) continue;
+        if (s.stiffness > 0) return true;  // what gives way bears on shares of the area, of all samples
+        for (std::size_t k = 0; k < t.face_samples.size(); ++k) {
+            const std::size_t i = std::size_t(slot) * t.sample_count() + t.samples.size() + k;
+            if (c.state.normal_multiplier[i * std::size_t(c.width) + std::size_t(lane)] > 0) return true;
+            Vec3<double> x = origin;
+            for (int j = 0; j < 3; ++j)
+                x += t.face_samples[k].weight[std::size_t(j)] *
+                     read(c.state.position, t.face_samples[k].node[std::size_t(j)], c.width, lane);
+            if (surface_point(s.shape, s.start, x).distance < -depth) return true;
+        }
+    }
+    return false;
+}
+
 template <class T>
 void fall_asleep(SkinChunk<T>& c, int lane) {
     const std::size_t W = std::size_t(c.width);
@@ -122,6 +144,25 @@ void wake_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
         if (!(c.asleep_lanes & bit)) continue;
         SkinStatus& s = c.status[std::size_t(lane)];
         s.newton_iterations = s.multiplier_updates = s.backtracks = 0;
+    }
+}
+
+template <class T>
+void choose_samples(SkinChunk<T>& c, const SolverSettings& settings) {
+    if (settings.detail_penetration <= 0 || c.topology->face_samples.empty()) {
+        c.fine_lanes = ~0u;
+        return;
+    }
+    const unsigned near = near_lanes(c);
+    for (int lane = 0; lane < c.width; ++lane) {
+        const unsigned bit = 1u << lane;
+        if (!(c.used_lanes & bit)) continue;
+        int& coarse = c.coarse_steps[std::size_t(lane)];
+        coarse = (near & bit) && is_deep_between_nodes(c, lane, settings.detail_penetration) ? 0 : coarse + 1;
+        if (coarse == 0)
+            c.fine_lanes |= bit;
+        else if (coarse >= calm_enough || !(near & bit))
+            c.fine_lanes &= ~bit;
     }
 }
 
@@ -188,6 +229,7 @@ void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
 #define PALPATE_INSTANTIATE(T)                                            \
     template void soften_lanes(SkinChunk<T>&, unsigned);                  \
     template void wake_lanes(SkinChunk<T>&, const SolverSettings&);       \
+    template void choose_samples(SkinChunk<T>&, const SolverSettings&);   \
     template void move_rigid_lanes(SkinChunk<T>&, const SolverSettings&); \
     template void settle_lanes(SkinChunk<T>&, const SolverSettings&);
 PALPATE_INSTANTIATE(double)

@@ -14,6 +14,11 @@ void wake_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);
 template <class T>
 void soften_lanes(SkinChunk<T>& chunk, unsigned lanes);
 
+/// Before the solve, with its objects known: lets samples between nodes count in the lanes that would otherwise sink in
+/// between nodes.
+template <class T>
+void choose_samples(SkinChunk<T>& chunk, const SolverSettings& settings);
+
 /// Moves the bones of the chunk's rigid lanes by one step: implicit Euler of one rigid body on its springs.
 template <class T>
 void move_rigid_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);

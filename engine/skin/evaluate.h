@@ -357,6 +357,8 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, int slot
     const Vec3<R> local = transposed_times(frame.rotation, x - frame.position);
     out.surface = local_surface_point(object.shape, local);
     out.local_normal = out.surface.normal;
+    if (s >= c.topology->samples.size() && (c.fine_lanes & c.used_lanes) != c.used_lanes)
+        out.surface.distance = select(mask_from_bits<R>(c.fine_lanes), out.surface.distance, R(T(1)));
     out.friction = c.has_friction && object.friction > 0;
     out.state = {load<R>(&c.state.normal_multiplier[i * W]), zero, R(0), zero};
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
@@ -406,7 +408,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     for (const int slot : occupied_slots(c)) {
         const SlotFrame<R> frame = slot_frame<R>(c, slot);
         const R friction = slot_friction<R>(c, slot);
-        for (std::size_t s = 0; s < t.sample_count(); ++s) {
+        for (std::size_t s = 0; s < samples_in_use(c); ++s) {
             const std::size_t i = slot * t.sample_count() + s;
             const SampleContact<R> contact =
                 sample_contact<R>(c, slot, frame, s, at_sample<R>(t, c.state.position.data(), s), exactness);

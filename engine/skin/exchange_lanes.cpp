@@ -150,10 +150,11 @@ bool exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
     std::swap(a.skin_mass[lane_a], b.skin_mass[lane_b]);
     std::swap(a.skin_inertia[lane_a], b.skin_inertia[lane_b]);
     std::swap(a.calm_steps[lane_a], b.calm_steps[lane_b]);
+    std::swap(a.coarse_steps[lane_a], b.coarse_steps[lane_b]);
     std::swap(a.rest_reach[lane_a], b.rest_reach[lane_b]);
     std::swap(a.reach[lane_a], b.reach[lane_b]);
     for (auto bits : {&SkinChunk<T>::used_lanes, &SkinChunk<T>::asleep_lanes, &SkinChunk<T>::rigid_lanes,
-                      &SkinChunk<T>::unchanged_lanes})
+                      &SkinChunk<T>::unchanged_lanes, &SkinChunk<T>::fine_lanes})
         exchange_bit(a.*bits, lane_a, b.*bits, lane_b);
     a.limits.unloaded = b.limits.unloaded = a.limits.unloaded && b.limits.unloaded;
     return true;

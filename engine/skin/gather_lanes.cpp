@@ -68,8 +68,11 @@ void gather(std::vector<SkinChunk<T>>& chunks, Table<Skin>& skins) {
 
 void gather_lanes(const SolverSettings& solver, Table<Skin>& skins, std::vector<SkinChunk<double>>& double_chunks,
                   std::vector<SkinChunk<float>>& float_chunks) {
-    for (auto& c : double_chunks) wake_lanes(c, solver);
-    for (auto& c : float_chunks) wake_lanes(c, solver);
+    auto choose_detail = [&](auto& chunks) {
+        for (auto& c : chunks) wake_lanes(c, solver), choose_samples(c, solver);
+    };
+    choose_detail(double_chunks);
+    choose_detail(float_chunks);
     gather(double_chunks, skins);
     gather(float_chunks, skins);
 }

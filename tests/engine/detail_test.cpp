@@ -243,5 +243,45 @@ TEST(RigidSkin, MovesAsTheBoneOfTheFullSolve) {
     }
 }
 
+/// A pad of nodes 4 mm apart over a thin rod, pressed and led along; and over a table.
+struct RodRun {
+    double force = 0;
+    int fine_steps = 0;
+};
+RodRun press_on(bool rod, int refinement, double penetration) {
+    SceneSpec spec = fingers_over_a_table(1, false, 0);
+    spec.solver.sample_refinement = refinement;
+    spec.solver.detail_penetration = penetration;
+    spec.objects.resize(1);
+    if (rod) {
+        Shape capsule{ShapeKind::capsule, {0.0005, 0.05, 0}};
+        spec.objects[0] = {"rod", capsule, {{0.0002, 0, 0}, {std::sqrt(0.5), std::sqrt(0.5), 0, 0}}, 0};
+    }
+    World world = build_world(spec);
+    oneapi::tbb::task_arena arena(1);
+    RodRun run;
+    for (int k = 0; k < 200; ++k) {
+        Pose<double> pose = world.skins[0].start;
+        pose.position.z -= std::min(rod ? 0.0258 : 0.0265, 0.0003 * k);
+        world.tracker_poses[0].incoming = {pose, world.time, true};
+        step(world, arena);
+        run.fine_steps += world.double_chunks[0].fine_lanes & 1u;
+        run.force = world.contact_surfaces[0].normal_force;
+    }
+    return run;
+}
+
+TEST(SamplesBetweenNodes, CountWhereAThinRodWouldSinkInBetweenNodesAndNotOnATable) {
+    const RodRun coarse = press_on(true, 1, 0), fine = press_on(true, 4, 0), chosen = press_on(true, 4, 5e-5);
+    EXPECT_LT(coarse.force, 0.3 * fine.force) << "the rod falls between nodes";
+    EXPECT_NEAR(chosen.force, fine.force, 0.02 * fine.force);
+    EXPECT_GT(chosen.fine_steps, 20);
+    EXPECT_LT(chosen.fine_steps, 150);
+    const RodRun table = press_on(false, 4, 5e-5), plain = press_on(false, 1, 0);
+    EXPECT_GT(plain.force, 0.01);
+    EXPECT_EQ(table.fine_steps, 0);
+    EXPECT_EQ(table.force, plain.force);
+}
+
 }  // namespace
 }  // namespace palpate
