@@ -6,6 +6,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "engine/skin/kernels.h"
 #include "engine/skin/solve_skin.h"
 
 namespace palpate {
@@ -167,6 +168,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
     const bool shared = a.fingers.size() > 1 && a.mesh->tets.size() <= largest_shared_mesh;
     const auto topology =
         std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared, spec.solver.sample_refinement));
+    const std::size_t first_chunk = chunks.size();
     for (std::size_t first = 0; first < a.fingers.size();) {
         const int width = shared ? chunk_width<T>(int(a.fingers.size() - first)) : 1;
         const std::size_t last = std::min(a.fingers.size(), first + width);
@@ -188,9 +190,18 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         fill_empty_lanes(chunk);
         first = last;
     }
-    // A finger that touches alone, of several, is solved alone (gather_lanes).
-    if (shared && chunks.back().width > 1 && spec.solver.inertia && spec.solver.sleep_speed > 0)
-        chunks.push_back(spare_chunk(chunks.back(), 1, int(spec.objects.size()), has_bodies(spec)));
+    if (!shared || !spec.solver.inertia || spec.solver.sleep_speed <= 0) return;
+    // A few fingers that touch, of many, are solved apart from the others (gather_lanes).
+    const std::size_t last = chunks.size();
+    for (const Kernel<T>& kernel : kernels_of<T>(best_kernels())) {
+        bool here = kernel.width == 0, wider = false;
+        for (std::size_t k = first_chunk; k < last; ++k) {
+            here |= chunks[k].width == kernel.width;
+            wider |= chunks[k].width > kernel.width;
+        }
+        if (wider && !here)
+            chunks.push_back(spare_chunk(chunks[last - 1], kernel.width, int(spec.objects.size()), has_bodies(spec)));
+    }
 }
 
 ContactSurface contact_surface_of(const TetMesh& mesh) {

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <cstring>
 
 #include "engine/systems.h"
 
@@ -102,9 +103,17 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
                                     : c.started                      ? c.target
                                                                      : skin.start;
         const Pose<double> next = next_target(c, wanted, solver.dt);
+        // Asleep where it was to be: its springs are as they were, too.
+        auto same = [](const Pose<double>& a, const Pose<double>& b) { return std::memcmp(&a, &b, sizeof a) == 0; };
+        const bool stays = c.started && same(next, c.target) && same(c.last_target, c.target);
         c.last_target = c.started ? c.target : next;
         c.target = next;
         c.started = true;
+        if (stays &&
+            (skin.single_precision ? float_chunks[skin.chunk].asleep_lanes : double_chunks[skin.chunk].asleep_lanes) >>
+                    skin.lane &
+                1u)
+            continue;
         if (skin.single_precision)
             aim(float_chunks[skin.chunk], skin.lane, solver, c);
         else

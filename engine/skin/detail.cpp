@@ -193,7 +193,9 @@ void move_rigid_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
                 curvature += terms.angular_curvature;
             }
             if (!(curvature > 0)) break;
-            bone.rotation = normalised(rotation_step((-1 / curvature) * torque) * bone.rotation);
+            const Vec3<double> turn = (-1 / curvature) * torque;
+            bone.rotation = normalised(rotation_step(turn) * bone.rotation);
+            if (dot(turn, turn) < 1e-16) break;  // what is left is its square
         }
         c.status[std::size_t(lane)] = {};
         c.status[std::size_t(lane)].converged = true;

@@ -120,8 +120,14 @@ SkinChunk<T> spare_chunk(const SkinChunk<T>& like, int width, int object_count, 
     c.material = like.material;
     auto& model = const_cast<SkinChunk<T>&>(like);
     const auto of_model = lane_arrays(model), of_spare = lane_arrays(c);
-    for (std::size_t k = 0; k < of_spare.size(); ++k)
-        of_spare[k]->resize(of_model[k]->size() / std::size_t(like.width) * std::size_t(width));
+    // Lanes without a finger repeat one that has, so that their arithmetic stays finite.
+    auto repeat = [&](auto& to, const auto& from) {
+        const std::size_t count = from.size() / std::size_t(like.width);
+        to.resize(count * std::size_t(width));
+        for (std::size_t i = 0; i < to.size(); ++i) to[i] = from[i / std::size_t(width) * std::size_t(like.width)];
+    };
+    for (std::size_t k = 0; k < of_spare.size(); ++k) repeat(*of_spare[k], *of_model[k]);
+    repeat(c.state.origin, like.state.origin);
     c.limits.unloaded = c.limits.candidates_clear = true;
     return c;
 }

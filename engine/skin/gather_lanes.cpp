@@ -8,7 +8,8 @@ namespace palpate {
 
 namespace {
 
-/// A move takes up to a tenth of a millisecond; those that are left over come in the next steps.
+/// A move takes a tenth of a millisecond, and several where chunks are not in the cache; those that are left over come in
+/// the next steps.
 constexpr int most_moves = 4;
 
 template <class T>
