@@ -1,6 +1,9 @@
 #include <algorithm>
+#include <array>
+#include <chrono>
 #include <cstdio>
 
+#include "engine/skin/solve_skin.h"
 #include "scenes/commands.h"
 #include "scenes/simulation.h"
 
@@ -20,6 +23,7 @@ void explain_chunks(const Scene& scene, const std::vector<SkinChunk<T>>& chunks,
         std::vector<std::string> names;
         for (int finger : c.finger)
             if (finger >= 0) names.push_back(scene.spec.fingers[finger].name);
+        if (names.empty()) names = {"spare, for fingers that touch while others do not"};
         std::printf("  chunk of %d %s, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n",
                     c.width, c.width == 1 ? "lane" : "lanes", precision, joined(names).c_str(),
                     c.topology->elements.size(), c.topology->node_count, c.topology->sample_count(),
@@ -29,6 +33,68 @@ void explain_chunks(const Scene& scene, const std::vector<SkinChunk<T>>& chunks,
 
 void line(bool built, const char* system, const std::string& why) {
     std::printf("%-10s %-16s %s\n", built ? "built" : "not built", system, why.c_str());
+}
+
+/// A step of the chunk in which every finger's skin moves, with one iteration and with two [us].
+template <class T>
+std::array<double, 2> predict_chunk(const SkinChunk<T>& chunk, SolverSettings settings) {
+    std::array<double, 2> us{};
+    for (int iterations = 1; iterations <= 2; ++iterations) {
+        settings.newton_iterations = iterations;
+        std::vector<double> times;
+        for (int k = 0; k < 15; ++k) {
+            SkinChunk<T> c = chunk;
+            for (std::size_t i = 0; i < c.state.velocity.size(); ++i) c.state.velocity[i] = T(0.01 * double(i % 7));
+            const auto start = std::chrono::steady_clock::now();
+            solve_skin(c, settings);
+            times.push_back(1e6 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+        }
+        std::nth_element(times.begin(), times.begin() + 7, times.end());
+        us[std::size_t(iterations - 1)] = times[7];
+    }
+    return us;
+}
+
+/// What the dear systems will cost, from single solves of this scene's chunks and matches of its devices.
+void predict(Simulation& s) {
+    advance(s);  // couplings have aimed
+    std::array<double, 2> skin{};
+    auto add = [&](const auto& chunks) {
+        for (const auto& c : chunks) {
+            if (!c.used_lanes) continue;
+            const auto us = predict_chunk(c, s.world.solver);
+            for (std::size_t k = 0; k < 2; ++k) skin[k] += us[k];
+        }
+    };
+    add(s.world.double_chunks);
+    add(s.world.float_chunks);
+    const int most = s.world.solver.newton_iterations;
+    const double each = std::max(skin[1] - skin[0], 0.0);
+    std::printf("\npredicted on this machine, one thread, all fingers moving and none touching [us]:\n");
+    std::printf("%-18s %10.1f with one iteration, %.1f more for each further one", "solve_skin", skin[0], each);
+    if (most <= 20) std::printf("; %.1f with the %d of these settings", skin[0] + (most - 1) * each, most);
+    std::printf("\n");
+    double matches = 0;
+    int forces = 0;
+    for (Matching m : s.world.matchings) {
+        forces += m.method == MatchingMethod::force;
+        double lowest = 1e300;
+        const ContactSurface& surface = *s.world.contact_surfaces.find(m.finger);
+        for (const auto& p : surface.position) lowest = std::min(lowest, p.z);
+        for (std::size_t i = 0; i < m.points.size(); ++i) {
+            const Vec3<double>& p = surface.position[i];
+            m.points[i] = {m.model.mount.inverse() * Eigen::Vector3d(p.x, p.y, p.z), p.z < lowest + 1e-3};
+        }
+        Coordinates w =
+            match(m.method, m.model, m.points, m.settings, m.model.rest).w;  // others start from the last one
+        const auto start = std::chrono::steady_clock::now();
+        for (int k = 0; k < 10; ++k) w = match(m.method, m.model, m.points, m.settings, w).w;
+        const double us = 1e5 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        matches += us * std::min(1.0, s.world.solver.dt / m.period);
+    }
+    if (!s.world.matchings.empty())
+        std::printf("%-18s %10.1f a step on average%s\n", "match_devices", matches,
+                    forces ? ", and 500 to 800 a finger in each rendering step for the method \"force\"" : "");
 }
 
 /// What each system costs in the first second of the scene.
@@ -97,7 +163,11 @@ int explain(const std::string& file, const std::vector<std::string>& overrides, 
     std::printf("\nmemory of all skins: %.2f MB\n", double(skin_memory_bytes(s.world)) / 1e6);
     for (std::size_t i = 0; i < spec.fingers.size(); ++i)
         std::printf("%s: %s\n", spec.fingers[i].name.c_str(), s.scene.mesh_notes[i].c_str());
-    if (measured) measure(s, stop);
+    predict(s);
+    if (measured) {
+        Simulation fresh = make_simulation(load_scene(file, overrides), 1);
+        measure(fresh, stop);
+    }
     return 0;
 }
 
