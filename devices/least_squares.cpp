@@ -1,49 +1,97 @@
 #include "devices/least_squares.h"
 
+#include <array>
 #include <cmath>
 
 namespace palpate {
 
+namespace {
+
+/// L of H = L L', for the few unknowns that a device has; false where H is not positive definite.
+struct SmallCholesky {
+    double L[max_device_dimension][max_device_dimension];
+    int n;
+    explicit SmallCholesky(const DeviceJacobian& H) : n(int(H.rows())) {
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; j <= i; ++j) {
+                double sum = H(i, j);
+                for (int k = 0; k < j; ++k) sum -= L[i][k] * L[j][k];
+                if (i == j && !(sum > 0)) n = 0;
+                L[i][j] = i == j ? std::sqrt(sum) : sum / L[j][j];
+            }
+    }
+    void solve(double* x) const {
+        for (int i = 0; i < n; ++i) {
+            for (int k = 0; k < i; ++k) x[i] -= L[i][k] * x[k];
+            x[i] /= L[i][i];
+        }
+        for (int i = n; i-- > 0;) {
+            for (int k = i + 1; k < n; ++k) x[i] -= L[k][i] * x[k];
+            x[i] /= L[i][i];
+        }
+    }
+};
+
+/// Whether the step keeps every joint, and the configuration, inside its limits as they are linearised.
+bool stays_inside(const DeviceModel& model, const Coordinates& w, const Joints& joints, const Coordinates& d) {
+    const Coordinates q = joints.q + joints.dq * d, moved = w + d;
+    if (!((q - model.joint_min).minCoeff() >= 0 && (model.joint_max - q).minCoeff() >= 0)) return false;
+    const DeviceKind& kind = *model.kind;
+    return kind.open_chain ||
+           ((moved - kind.configuration_min).minCoeff() >= 0 && (kind.configuration_max - moved).minCoeff() >= 0);
+}
+
+}  // namespace
+
 Coordinates step_inside_limits(const DeviceModel& model, const Coordinates& w, const DeviceJacobian& H,
                                const Coordinates& g) {
-    constexpr int most = 4 * max_device_dimension;
     const DeviceKind& kind = *model.kind;
-    const auto n = w.size();
+    const int n = int(w.size());
     const Joints joints = kind.joints(model, w);
-    const auto margins = joint_margins(model, joints.q);
-    // Rows of a' d >= -c: joints above and below their limits, and the box of the search.
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, most, max_device_dimension> A(4 * n, n);
-    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, most, 1> c(4 * n);
-    const auto J = joints.q.size();
-    A.setZero();
-    c.setConstant(1);
-    for (std::ptrdiff_t j = 0; j < J && j < n; ++j) {
-        A.row(j) = joints.dq.row(j), c[j] = margins[j];
-        A.row(n + j) = -joints.dq.row(j), c[n + j] = margins[J + j];
+    const SmallCholesky factor(H);
+    if (factor.n == 0) return Coordinates::Zero(n);
+    Coordinates d = -g;
+    factor.solve(d.data());
+    if (stays_inside(model, w, joints, d)) return d;
+    // Rows of a' d >= -c: joints above and below their limits, and the box of the search. Hildreth's method: one
+    // multiplier after the other.
+    struct Row {
+        double a[max_device_dimension], solved[max_device_dimension];  ///< a, and H^-1 a
+        double c, curvature, multiplier;
+    };
+    std::array<Row, 4 * max_device_dimension> rows;
+    int count = 0;
+    auto add = [&](auto entry, double sign, double c) {
+        Row& row = rows[std::size_t(count++)];
+        for (int k = 0; k < n; ++k) row.a[k] = row.solved[k] = sign * entry(k);
+        factor.solve(row.solved);
+        row.c = c;
+        row.multiplier = row.curvature = 0;
+        for (int k = 0; k < n; ++k) row.curvature += row.a[k] * row.solved[k];
+    };
+    for (int j = 0; j < int(joints.q.size()) && j < n; ++j) {
+        const auto of_joint = [&](int k) { return joints.dq(j, k); };
+        add(of_joint, 1, joints.q[j] - model.joint_min[j]);
+        add(of_joint, -1, model.joint_max[j] - joints.q[j]);
     }
-    if (!kind.open_chain)
-        for (std::ptrdiff_t k = 0; k < n; ++k) {
-            A(2 * n + k, k) = 1, c[2 * n + k] = w[k] - kind.configuration_min[k];
-            A(3 * n + k, k) = -1, c[3 * n + k] = kind.configuration_max[k] - w[k];
-        }
-    const Eigen::LDLT<DeviceJacobian> factor(H);
-    const Coordinates free = factor.solve(-g);
-    Coordinates d = free;
-    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, most, 1> multiplier = decltype(c)::Zero(4 * n);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, max_device_dimension, most> HA(n, 4 * n);
-    if (((A * d + c).array() >= 0).all()) return d;
-    HA = factor.solve(A.transpose());
+    for (int j = 0; j < n && !kind.open_chain; ++j) {
+        const auto of_box = [&](int k) { return double(k == j); };
+        add(of_box, 1, w[j] - kind.configuration_min[j]);
+        add(of_box, -1, kind.configuration_max[j] - w[j]);
+    }
     for (int sweep = 0; sweep < 200; ++sweep) {
         double change = 0;
-        for (std::ptrdiff_t i = 0; i < 4 * n; ++i) {
-            const double curvature = A.row(i).dot(HA.col(i));
-            if (!(curvature > 1e-300)) continue;
-            const double next = std::max(0.0, multiplier[i] - (A.row(i).dot(d) + c[i]) / curvature);
-            const double delta = next - multiplier[i];
+        for (int i = 0; i < count; ++i) {
+            Row& row = rows[std::size_t(i)];
+            if (!(row.curvature > 1e-300)) continue;
+            double value = row.c;
+            for (int k = 0; k < n; ++k) value += row.a[k] * d[k];
+            const double next = std::max(0.0, row.multiplier - value / row.curvature);
+            const double delta = next - row.multiplier;
             if (delta == 0) continue;
-            multiplier[i] = next;
-            d += delta * HA.col(i);
-            change = std::max(change, std::abs(delta) * curvature);
+            row.multiplier = next;
+            for (int k = 0; k < n; ++k) d[k] += delta * row.solved[k];
+            change = std::max(change, std::abs(delta) * row.curvature);
         }
         if (change < 1e-12) break;
     }

@@ -1,5 +1,6 @@
 #include "devices/matching_objective.h"
 
+#include <array>
 #include <cmath>
 
 namespace palpate {
@@ -16,7 +17,37 @@ struct PlatformSums {
     double value = 0;
     Vector6d gradient = Vector6d::Zero();  ///< J' r
     Matrix6d hessian = Matrix6d::Zero();   ///< J' J, lower half
+    // Samples over the platform's face: residual h = offset . normal, row [-normal, offset]. Their sums are of offsets
+    // alone, and are put together at the end.
+    double count = 0, heights = 0;
+    Eigen::Vector3d offsets = Eigen::Vector3d::Zero(), height_offsets = Eigen::Vector3d::Zero();
+    std::array<double, 6> products{};  ///< of offsets: xx, yx, yy, zx, zy, zz
 };
+
+template <bool with_hessian>
+void add_above_face(PlatformSums& sums, double height, const Eigen::Vector3d& offset) {
+    sums.value += height * height;
+    sums.heights += height;
+    sums.height_offsets += height * offset;
+    if constexpr (with_hessian) {
+        sums.count += 1;
+        sums.offsets += offset;
+        for (int i = 0, k = 0; i < 3; ++i)
+            for (int j = 0; j <= i; ++j, ++k) sums.products[std::size_t(k)] += offset[i] * offset[j];
+    }
+}
+
+template <bool with_hessian>
+void put_together(PlatformSums& sums, const Eigen::Vector3d& normal) {
+    sums.gradient.head<3>() -= sums.heights * normal;
+    sums.gradient.tail<3>() += sums.height_offsets;
+    if constexpr (with_hessian) {
+        sums.hessian.topLeftCorner<3, 3>() += sums.count * normal * normal.transpose();
+        sums.hessian.bottomLeftCorner<3, 3>() -= sums.offsets * normal.transpose();
+        for (int i = 0, k = 0; i < 3; ++i)
+            for (int j = 0; j <= i; ++j, ++k) sums.hessian(3 + i, 3 + j) += sums.products[std::size_t(k)];
+    }
+}
 
 template <bool with_hessian>
 void add(PlatformSums& sums, double residual, const Eigen::Vector3d& dcentre, const Eigen::Vector3d& dnormal) {
@@ -36,7 +67,7 @@ void add_sample(PlatformSums& sums, const MatchingPoint& point, const Platform& 
     const double height = offset.dot(platform.normal);
     if (!point.touches && height >= clearance) return;  // the distance to the cone is no smaller
     if (point.touches && offset.squaredNorm() - height * height <= radius * radius)
-        return add<with_hessian>(sums, height, -platform.normal, offset);
+        return add_above_face<with_hessian>(sums, height, offset);
     const DiskDistance d = point.touches ? disk_distance(point.position, platform, radius)
                                          : cone_distance(point.position, platform, radius);
     const double excess = point.touches ? d.value : d.value - clearance;
@@ -52,11 +83,12 @@ PlatformSums sum_over(const DeviceModel& model, const NearSamples& samples, cons
         for (int i = 0; i < samples.count; ++i)
             add_sample<with_hessian>(sums, points[std::size_t(samples.index[std::size_t(i)])], platform,
                                      model.disk_radius, model.clearance);
-        return sums;
+    } else {
+        for (const MatchingPoint& point : points)
+            if (point.touches || settings.non_contact)
+                add_sample<with_hessian>(sums, point, platform, model.disk_radius, model.clearance);
     }
-    for (const MatchingPoint& point : points)
-        if (point.touches || settings.non_contact)
-            add_sample<with_hessian>(sums, point, platform, model.disk_radius, model.clearance);
+    put_together<with_hessian>(sums, platform.normal);
     return sums;
 }
 

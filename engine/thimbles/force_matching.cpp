@@ -28,30 +28,6 @@ void hold_bone(SkinChunk<T>& c) {
             }
 }
 
-/// Solves the pad in every lane's configuration.
-void solve_lanes(ForceMatcher& m, const DeviceModel& model) {
-    int first = 0;
-    for (SkinChunk<float>& c : m.chunks) {
-        for (int lane = 0; lane < c.width; ++lane)
-            c.lane_poses[std::size_t(lane)] = platform_pose(model, m.lane_w[std::size_t(first + lane)]);
-        solve_skin(c, m.solver);
-        const SkinTopology& t = *c.topology;
-        for (int lane = 0; lane < c.width; ++lane) {
-            ++m.solves;
-            m.unconverged += !c.status[std::size_t(lane)].converged;
-            const Pose<double>& pose = c.lane_poses[std::size_t(lane)];
-            for (std::size_t s = 0; s < t.samples.size(); ++s) {
-                const double force = c.state.normal_multiplier[s * std::size_t(c.width) + std::size_t(lane)];
-                Vec3<double> f{0, 0, 0};
-                if (force > 0)
-                    f = force * surface_point(c.slots[0].shape, pose, node_position(c, t.samples[s], lane)).normal;
-                for (int d = 0; d < 3; ++d) m.forces(std::ptrdiff_t(3 * s) + d, first + lane) = f[d];
-            }
-        }
-        first += c.width;
-    }
-}
-
 /// Touching area of these forces [mm^2]. A sample counts in full from a few mN on.
 double touching_area(const ForceMatcher& m, const Eigen::Ref<const Eigen::VectorXd>& forces) {
     constexpr double half = 1e-3;  // [N]
@@ -192,6 +168,29 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
     return m;
 }
 
+void solve_pads(ForceMatcher& m, const DeviceModel& model) {
+    int first = 0;
+    for (SkinChunk<float>& c : m.chunks) {
+        for (int lane = 0; lane < c.width; ++lane)
+            c.lane_poses[std::size_t(lane)] = platform_pose(model, m.lane_w[std::size_t(first + lane)]);
+        solve_skin(c, m.solver);
+        const SkinTopology& t = *c.topology;
+        for (int lane = 0; lane < c.width; ++lane) {
+            ++m.solves;
+            m.unconverged += !c.status[std::size_t(lane)].converged;
+            const Pose<double>& pose = c.lane_poses[std::size_t(lane)];
+            for (std::size_t s = 0; s < t.samples.size(); ++s) {
+                const double force = c.state.normal_multiplier[s * std::size_t(c.width) + std::size_t(lane)];
+                Vec3<double> f{0, 0, 0};
+                if (force > 0)
+                    f = force * surface_point(c.slots[0].shape, pose, node_position(c, t.samples[s], lane)).normal;
+                for (int d = 0; d < 3; ++d) m.forces(std::ptrdiff_t(3 * s) + d, first + lane) = f[d];
+            }
+        }
+        first += c.width;
+    }
+}
+
 MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings,
                             const MatchingResult& geometric) {
     if (geometric.status == MatchingStatus::no_contact || geometric.status == MatchingStatus::kept ||
@@ -207,7 +206,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
     for (int round = 0; round < settings.force_rounds; ++round) {
         const Coordinates before = round == 0 && !m.warm ? geometric.w : m.centre;
         place_lanes(m, model, next, {round == 0 ? geometric.w : best.w, 0.5 * (before + next), before, geometric.w});
-        solve_lanes(m, model);
+        solve_pads(m, model);
         int best_lane = -1;
         for (int lane = 0; lane < lane_count(m); ++lane) {
             const Coordinates& w = m.lane_w[std::size_t(lane)];
