@@ -129,6 +129,13 @@ void update_pair(BodyPair& pair) {
         c.friction_radius = pair.friction * c.normal_candidate;
         c.friction_normal = c.normal_now;
     }
+    pair.penalty = std::max(pair.penalty, load_penalty(pair));
+}
+
+double load_penalty(const BodyPair& pair) {
+    double load = 0;
+    for (const FeatureContact& c : pair.contacts) load += c.normal_multiplier;
+    return load / 1e-4;
 }
 
 }  // namespace palpate

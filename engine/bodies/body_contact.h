@@ -75,6 +75,8 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
 
 /// Candidates become multipliers.
 void update_pair(BodyPair& pair);
+/// A light body under a load is as stiffly held as the load asks for: a tenth of a millimetre of it [N/m].
+double load_penalty(const BodyPair& pair);
 
 /// Way of a body's point at `arm` from its centre of mass when the body moves: d = G motion.
 inline Eigen::Matrix<double, 3, 6> point_motion(const Vec3<double>& arm) {

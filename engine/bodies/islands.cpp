@@ -98,10 +98,7 @@ void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
             double mass = 1e300;
             for (int object : {a, b})
                 if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
-            // A light body under a load is as stiffly held as the load asks for: a tenth of a millimetre of it.
-            double load = 0;
-            for (const FeatureContact& c : p->contacts) load += c.normal_multiplier;
-            p->penalty = std::max({2e5, 30 * mass / (w.solver.dt * w.solver.dt), load / 1e-4});
+            p->penalty = std::max({2e5, 30 * mass / (w.solver.dt * w.solver.dt), load_penalty(*p)});
             begin_pair(*p, w.s.features[a], w.s.objects[a], w.s.objects[b]);
             for (FeatureContact& c : p->contacts) c.approach = approach_speed(w, *p, c);
         }

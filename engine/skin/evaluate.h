@@ -473,6 +473,7 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     c.limits.met = false;
     if (with_matrix) std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     Evaluation<R> out;
+    out.extent = load<R>(c.rest.extent.data());
     detail::add_elements<want>(c, exactness, out);
     if (settings.inertia) detail::add_inertia<want>(c, T(1 / (settings.dt * settings.dt)), out);
     detail::add_bone_springs<want>(c, out);

@@ -19,6 +19,7 @@ struct Evaluation {
     R coupling_force{0};  ///< norm of the coupling's force [N]
     R limited{0};         ///< elements with an active limit
     ScalarOf<R> epsilon = std::numeric_limits<ScalarOf<R>>::epsilon();  ///< of the precision it was computed in
+    R extent{ScalarOf<R>(0.03)};                                        ///< of the finger [m]
     R force_floor{ScalarOf<R>(0.01)};                          ///< tolerances are relative to no less than this [N]
     R residual_cap = std::numeric_limits<ScalarOf<R>>::max();  ///< the residual may not be more than this [N]
 };
@@ -50,7 +51,9 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
     p.active = p.active & !p.failed;
 
-    const R slack = R(64 * e.epsilon) * absolute(e.energy);
+    // Energies are known no better than positions are: to the rounding of the finger's extent times the forces on it.
+    const R slack =
+        R(64 * e.epsilon) * absolute(e.energy) + R(4 * e.epsilon) * e.extent * (e.contact_force + e.coupling_force);
     const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
     LaneDecision<R> d;
     d.retry = p.active & !decreased & ((p.alpha > R(T(1.0 / 64))) | !sound);
