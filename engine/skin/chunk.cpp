@@ -263,6 +263,19 @@ void place_slots(SkinChunk<T>& c) {
 }
 
 template <class T>
+SlotOrder occupied_slots(const SkinChunk<T>& c) {
+    SlotOrder o;
+    for (int slot = 0; slot < c.slot_capacity; ++slot) {
+        if (c.slots[slot].object < 0) continue;
+        int place = o.count++;
+        for (; place > 0 && c.slots[o.slot[place - 1]].object > c.slots[slot].object; --place)
+            o.slot[place] = o.slot[place - 1];
+        o.slot[place] = slot;
+    }
+    return o;
+}
+
+template <class T>
 void rebase_lane(SkinChunk<T>& c, int lane) {
     const int W = c.width;
     bool far = false;
@@ -328,6 +341,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                          \
     template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                 \
     template void place_slots(SkinChunk<T>&);                                                                     \
+    template SlotOrder occupied_slots(const SkinChunk<T>&);                                                       \
     template void rebase_lane(SkinChunk<T>&, int);                                                                \
     template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \
     template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                           \

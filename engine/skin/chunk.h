@@ -257,17 +257,7 @@ struct SlotOrder {
     const int* end() const { return slot.data() + count; }
 };
 template <class T>
-SlotOrder occupied_slots(const SkinChunk<T>& c) {
-    SlotOrder o;
-    for (int slot = 0; slot < c.slot_capacity; ++slot) {
-        if (c.slots[slot].object < 0) continue;
-        int place = o.count++;
-        for (; place > 0 && c.slots[o.slot[place - 1]].object > c.slots[slot].object; --place)
-            o.slot[place] = o.slot[place - 1];
-        o.slot[place] = slot;
-    }
-    return o;
-}
+SlotOrder occupied_slots(const SkinChunk<T>& chunk);
 
 /// Samples that count in some lane: those at nodes come first.
 template <class T>

@@ -127,7 +127,7 @@ TEST(Compare, KindsMethodsAndServo) {
 }
 
 TEST(Stress, TheShortCasesPass) {
-    const Outcome o = palpate_program("stress --short --case S1,S2,S3,S6,S6b,S7,S9,S11,S13,S14");
+    const Outcome o = palpate_program("stress --short --case S1,S2,S3,S4,S5,S6,S6b,S7,S9,S11,S13,S14");
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_EQ(o.out.find("FAIL"), std::string::npos) << o.out;
     EXPECT_EQ(palpate_program("stress --case S99").code, 2);
