@@ -35,17 +35,27 @@ void write(LaneArray<T>& a, int index, int width, int lane, const Vec3<double>& 
     for (int d = 0; d < 3; ++d) a[std::size_t((3 * index + d) * width + lane)] = T(v[d]);
 }
 
+/// How a lane's bone moves, and with it a skin that has its rest shape; from the lane's origin.
+struct RigidMotion {
+    Vec3<double> position, speed, spin;
+    Mat3<double> rotation;
+};
+template <class T>
+RigidMotion rigid_motion(const SkinChunk<T>& c, int lane) {
+    const Pose<double> bone = local_bone(c, lane);
+    return {bone.position, read(c.state.bone_velocity, 0, c.width, lane), read(c.state.bone_velocity, 1, c.width, lane),
+            rotation_matrix(bone.rotation)};
+}
+
 /// Gives a rigid lane its positions and velocities back.
 template <class T>
 void soften(SkinChunk<T>& c, int lane) {
     const int W = c.width;
-    const Pose<double> bone = local_bone(c, lane);
-    const Mat3<double> rotation = rotation_matrix(bone.rotation);
-    const Vec3<double> speed = read(c.state.bone_velocity, 0, W, lane), spin = read(c.state.bone_velocity, 1, W, lane);
+    const RigidMotion bone = rigid_motion(c, lane);
     for (int i = 0; i < c.topology->node_count; ++i) {
-        const Vec3<double> arm = rotation * read(c.rest.rest_position, i, W, lane);
+        const Vec3<double> arm = bone.rotation * read(c.rest.rest_position, i, W, lane);
         write(c.state.position, i, W, lane, bone.position + arm);
-        write(c.state.velocity, i, W, lane, speed + cross(spin, arm));
+        write(c.state.velocity, i, W, lane, bone.speed + cross(bone.spin, arm));
     }
     for (std::size_t i = 0; i < c.state.svd_guess.size() / std::size_t(W); ++i)
         c.state.svd_guess[i * std::size_t(W) + std::size_t(lane)] = T(i % 9 % 4 == 0);
@@ -74,13 +84,11 @@ bool has_rest_shape(const SkinChunk<T>& c, int lane, const SolverSettings& setti
     const SkinStatus& status = c.status[std::size_t(lane)];
     if (status.reset || status.contact_force_N > 0 || status.limited_elements > 0) return false;
     const int W = c.width;
-    const Pose<double> bone = local_bone(c, lane);
-    const Mat3<double> rotation = rotation_matrix(bone.rotation);
-    const Vec3<double> speed = read(c.state.bone_velocity, 0, W, lane), spin = read(c.state.bone_velocity, 1, W, lane);
+    const RigidMotion bone = rigid_motion(c, lane);
     for (int i = 0; i < c.topology->node_count; ++i) {
-        const Vec3<double> arm = rotation * read(c.rest.rest_position, i, W, lane);
+        const Vec3<double> arm = bone.rotation * read(c.rest.rest_position, i, W, lane);
         const Vec3<double> off = read(c.state.position, i, W, lane) - bone.position - arm;
-        const Vec3<double> swing = read(c.state.velocity, i, W, lane) - speed - cross(spin, arm);
+        const Vec3<double> swing = read(c.state.velocity, i, W, lane) - bone.speed - cross(bone.spin, arm);
         if (!(norm(off) + settings.dt * norm(swing) < settings.detail_tolerance)) return false;
     }
     return true;
