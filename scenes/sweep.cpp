@@ -2,59 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "meshes/input_error.h"
+#include <map>
+#include <sstream>
 
 namespace palpate {
-
-SweepAxis parse_axis(const std::string& text) {
-    const std::size_t equals = text.find('=');
-    SweepAxis axis;
-    if (equals != std::string::npos) axis.key = text.substr(0, equals);
-    for (std::size_t at = equals + 1; equals != std::string::npos && at <= text.size();) {
-        const std::size_t comma = std::min(text.find(',', at), text.size());
-        if (comma > at) axis.values.push_back(text.substr(at, comma - at));
-        at = comma + 1;
-    }
-    if (axis.key.empty() || axis.values.empty())
-        throw InputError("--axes: expected key=value,value,..., found \"" + text + "\"");
-    return axis;
-}
-
-std::vector<SweepAxis> default_axes() {
-    return {{"dt_ms", {"1", "2", "5", "10", "20"}},
-            {"solver.newton_iterations", {"1", "2", "3", "6", "50"}},
-            {"solver.precision", {"double", "float"}}};
-}
-
-std::vector<std::vector<std::string>> combinations(const std::vector<SweepAxis>& axes) {
-    std::vector<std::vector<std::string>> all{{}};
-    for (const SweepAxis& axis : axes) {
-        std::vector<std::vector<std::string>> longer;
-        for (const auto& before : all)
-            for (const std::string& value : axis.values) {
-                longer.push_back(before);
-                longer.back().push_back(value);
-            }
-        all = std::move(longer);
-    }
-    return all;
-}
-
-std::vector<std::string> overrides_of(const std::vector<SweepAxis>& axes, const std::vector<std::string>& values,
-                                      const std::vector<std::string>& finger_names) {
-    static const std::string every = "finger.*.";
-    std::vector<std::string> overrides;
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        if (!axes[i].key.starts_with(every)) {
-            overrides.push_back(axes[i].key + "=" + values[i]);
-            continue;
-        }
-        for (const std::string& name : finger_names)
-            overrides.push_back("finger." + name + "." + axes[i].key.substr(every.size()) + "=" + values[i]);
-    }
-    return overrides;
-}
 
 namespace {
 
@@ -66,6 +17,7 @@ std::vector<SweepTrace::Finger> sample(const Simulation& s) {
         f.net = c.total;
         f.area = c.touching_area;
         f.field = c.force;
+        f.place = c.position;
         for (const Matching& m : s.world.matchings)
             if (m.finger == finger) {
                 f.platform = m.model.mount * m.model.kind->platform(m.model, m.result.w).centre;
@@ -81,6 +33,49 @@ double quantile(std::vector<double> values, double share) {
     const auto at = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
     std::nth_element(values.begin(), at, values.end());
     return *at;
+}
+
+using Grid = std::map<std::array<int, 3>, Vec3<double>>;
+
+/// Adds forces, times a factor, to the corners of the cells that they are in.
+void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
+    constexpr double cell = 3e-3;  // the spacing of nodes on a pad of 350 tetrahedra
+    for (std::size_t i = 0; i < finger.field.size(); ++i) {
+        const Vec3<double>& force = finger.field[i];
+        if (dot(force, force) == 0) continue;
+        std::array<int, 3> low;
+        std::array<double, 3> share;
+        for (int d = 0; d < 3; ++d) {
+            const double at = finger.place[i][d] / cell;
+            low[d] = int(std::floor(at));
+            share[d] = at - low[d];
+        }
+        for (int corner = 0; corner < 8; ++corner) {
+            double weight = factor;
+            std::array<int, 3> key = low;
+            for (int d = 0; d < 3; ++d) {
+                const bool upper = corner >> d & 1;
+                weight *= upper ? share[d] : 1 - share[d];
+                key[d] += upper;
+            }
+            grid[key] += weight * force;
+        }
+    }
+}
+
+/// sum |F_i - Fref_i| of one finger; NaN where the samples are others.
+double field_distance(const SweepTrace::Finger& a, const SweepTrace::Finger& b, FieldComparison comparison) {
+    double sum = 0;
+    if (comparison == FieldComparison::grid) {
+        Grid difference;
+        spread(a, 1, difference);
+        spread(b, -1, difference);
+        for (const auto& [key, force] : difference) sum += norm(force);
+        return sum;
+    }
+    if (a.field.size() != b.field.size()) return std::nan("");
+    for (std::size_t i = 0; i < b.field.size(); ++i) sum += norm(a.field[i] - b.field[i]);
+    return sum;
 }
 
 }  // namespace
@@ -116,10 +111,9 @@ SweepPoint run_point(const std::filesystem::path& scene, const std::vector<std::
     return point;
 }
 
-SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference) {
+SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference, FieldComparison comparison) {
     double field = 0, net = 0, area = 0, platform = 0, platforms = 0;
     double field_scale = 0, net_scale = 0, area_scale = 0;
-    bool comparable = true;
     for (std::size_t t = 0; t < std::min(trace.samples.size(), reference.samples.size()); ++t)
         for (std::size_t f = 0; f < reference.samples[t].size(); ++f) {
             const auto &a = trace.samples[t][f], &b = reference.samples[t][f];
@@ -128,15 +122,64 @@ SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference) {
             area += std::abs(a.area - b.area);
             area_scale += b.area;
             if (a.has_platform) platform += 1e3 * (a.platform - b.platform).norm(), ++platforms;
-            comparable &= a.field.size() == b.field.size();
-            for (std::size_t i = 0; comparable && i < b.field.size(); ++i) {
-                field += norm(a.field[i] - b.field[i]);
-                field_scale += norm(b.field[i]);
-            }
+            field += field_distance(a, b, comparison);
+            for (const Vec3<double>& force : b.field) field_scale += norm(force);
         }
     const double nothing = std::nan("");
-    return {comparable && field_scale > 0 ? field / field_scale : nothing, net_scale > 0 ? net / net_scale : nothing,
+    return {field_scale > 0 ? field / field_scale : nothing, net_scale > 0 ? net / net_scale : nothing,
             area_scale > 0 ? area / area_scale : nothing, platforms > 0 ? platform / platforms : nothing};
+}
+
+double richardson(double change_before, double last_change) {
+    if (!(last_change > 0)) return last_change;
+    return last_change / (std::clamp(change_before / last_change, 1.26, 2.0) - 1);
+}
+
+namespace {
+
+SweepErrors left_after(const SweepErrors& before, const SweepErrors& last) {
+    return {richardson(before.field, last.field), richardson(before.net, last.net), richardson(before.area, last.area),
+            richardson(before.platform_mm, last.platform_mm)};
+}
+
+}  // namespace
+
+ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& plan, SweepReference kind,
+                             const std::atomic<bool>& stop) {
+    auto solve = [&](double dt_ms, int elements) {
+        std::ostringstream step;
+        step << "dt_ms=" << dt_ms;
+        std::vector<std::string> overrides = request.overrides;
+        overrides.insert(overrides.end(), {"solver.preset=reference", step.str()});
+        std::string what = "at " + step.str().substr(6) + " ms";
+        if (elements > 0) {
+            for (const std::string& name : plan.fingers)
+                overrides.push_back("finger." + name + ".elements=" + std::to_string(elements));
+            what += " with " + std::to_string(elements) + " tetrahedra";
+        }
+        if (request.progress) request.progress("reference " + what);
+        SweepTrace trace;
+        run_point(request.scene, overrides, request.period, request.threads, stop, trace);
+        return trace;
+    };
+    ReferenceRun r;
+    // Of meshes, the coarsest of three tells what the step leaves.
+    const bool mesh = kind == SweepReference::mesh;
+    const int finest = 2 * plan.finest_elements, coarsest = mesh ? finest / 4 : 0;
+    const double dt = request.dt_ms;
+    const SweepTrace fourfold = solve(4 * dt, coarsest), twofold = solve(2 * dt, coarsest);
+    r.trace = solve(dt, coarsest);
+    const auto by_sample = FieldComparison::samples, by_grid = FieldComparison::grid;
+    r.uncertainty = left_after(errors_of(fourfold, twofold, by_sample), errors_of(twofold, r.trace, by_sample));
+    if (!mesh) return r;
+    r.comparison = by_grid;
+    const SweepTrace half = solve(dt, finest / 2);
+    const SweepErrors change = errors_of(r.trace, half, by_grid);
+    r.trace = solve(dt, finest);
+    const SweepErrors of_mesh = left_after(change, errors_of(half, r.trace, by_grid));
+    r.uncertainty.field += of_mesh.field, r.uncertainty.net += of_mesh.net, r.uncertainty.area += of_mesh.area;
+    r.uncertainty.platform_mm += of_mesh.platform_mm;
+    return r;
 }
 
 bool on_front(const SweepPoint& point, const std::vector<SweepPoint>& all) {

@@ -2,18 +2,9 @@
 // Speed against accuracy: a scene over settings, against a converged reference of finer steps.
 
 #include "scenes/simulation.h"
+#include "scenes/sweep_plan.h"
 
 namespace palpate {
-
-/// One setting and the values that it takes. `finger.*.` stands for all fingers.
-struct SweepAxis {
-    std::string key;
-    std::vector<std::string> values;
-};
-/// From "dt_ms=1,2,5". Throws InputError.
-SweepAxis parse_axis(const std::string& text);
-/// Time step, iterations, precision.
-std::vector<SweepAxis> default_axes();
 
 /// What a run leaves for comparison, at times that all runs share.
 struct SweepTrace {
@@ -21,6 +12,7 @@ struct SweepTrace {
         Vec3<double> net{0, 0, 0};
         double area = 0;                    ///< [m^2]
         std::vector<Vec3<double>> field;    ///< [sample]
+        std::vector<Vec3<double>> place;    ///< [sample], finger frame [m]
         Eigen::Vector3d platform{0, 0, 0};  ///< its centre, finger frame [m]
         bool has_platform = false;
     };
@@ -45,12 +37,31 @@ struct SweepPoint {
 /// Runs a scene with overrides; samples it every `period` seconds.
 SweepPoint run_point(const std::filesystem::path& scene, const std::vector<std::string>& overrides, double period,
                      int threads, const std::atomic<bool>& stop, SweepTrace& trace);
-SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference);
+/// How force fields are compared: sample by sample (NaN where samples are others), or as seen on a grid of 3 mm, on
+/// which every sample's force is spread over the eight corners around it.
+enum class FieldComparison { samples, grid };
+SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference,
+                      FieldComparison comparison = FieldComparison::samples);
 
-/// Every combination of the axes' values, in order; as overrides for load_scene.
-std::vector<std::vector<std::string>> combinations(const std::vector<SweepAxis>& axes);
-std::vector<std::string> overrides_of(const std::vector<SweepAxis>& axes, const std::vector<std::string>& values,
-                                      const std::vector<std::string>& finger_names);
+/// What is left of a sequence of refinements after its last one, from its last two changes (Richardson, with the order
+/// that these show, between those of a method of first order and a third of it).
+double richardson(double change_before, double last_change);
+
+/// The converged reference: half the finest step of all that is held against it and, for meshes, twice the finest mesh.
+struct ReferenceRun {
+    SweepTrace trace;
+    SweepErrors uncertainty;  ///< of its step, and of its mesh, by three refinements of each
+    FieldComparison comparison = FieldComparison::samples;
+};
+struct ReferenceRequest {
+    std::filesystem::path scene;
+    std::vector<std::string> overrides;
+    double dt_ms = 1, period = 0.02;
+    int threads = 0;
+    std::function<void(const std::string&)> progress;  ///< told what is solved
+};
+ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& plan, SweepReference kind,
+                             const std::atomic<bool>& stop);
 
 /// Whether no other point is both faster and closer.
 bool on_front(const SweepPoint& point, const std::vector<SweepPoint>& all);

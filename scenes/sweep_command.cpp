@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <fstream>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "meshes/input_error.h"
@@ -78,70 +79,71 @@ std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::
     return rows;
 }
 
-/// The converged reference with the finest step, and what is not known of it.
-struct Reference {
-    SweepTrace trace;
-    SweepErrors uncertainty;  ///< Richardson: the last halving's change, for a method of first order
-};
+using References = std::map<SweepReference, ReferenceRun>;
 
-Reference solve_reference(const SweepArguments& a, double dt_ms, double period, const std::atomic<bool>& stop) {
-    Reference r;
-    SweepTrace coarser;
-    for (double dt : {2 * dt_ms, dt_ms}) {
-        std::vector<std::string> overrides = a.overrides;
-        std::ostringstream text;
-        text << "dt_ms=" << dt;
-        overrides.insert(overrides.end(), {"solver.preset=reference", text.str()});
-        if (!a.quiet) std::fprintf(stderr, "reference at %g ms\n", dt);
-        coarser = std::move(r.trace);
-        run_point(a.scene, overrides, period, a.threads, stop, r.trace);
-    }
-    r.uncertainty = errors_of(coarser, r.trace);
-    return r;
+/// First axis that a point sets, and its value: the point's curve.
+std::string curve_of(const SweepPlan& plan, const SweepPoint& p) {
+    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
+        if (!p.values[i].empty()) {
+            const std::string& key = plan.keys[i];
+            return (key.ends_with("dt_ms") ? "dt_ms" : key.substr(key.rfind('.') + 1)) + " = " + p.values[i];
+        }
+    return "";
 }
 
-Plot work_precision(const std::vector<SweepPoint>& points, const std::vector<SweepAxis>& axes,
-                    const Reference& reference) {
-    Plot plot{"Work and precision", "compute time per simulated second [s]", "force-field error", {}, {}, true};
+/// Error over a time; points below three times the reference's own uncertainty apart.
+Plot work_precision(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& reference,
+                    bool of_a_step) {
+    Plot plot{of_a_step ? "A step's time" : "Work and precision",
+              of_a_step ? "p99 of a step [ms]" : "compute time per simulated second [s]",
+              "force-field error",
+              {},
+              {},
+              true};
+    if (reference.comparison == FieldComparison::grid) plot.title += ", meshes (fields on a grid of 3 mm)";
     plot.log_x = true;
-    // One curve per value of the first axis; points below three times the reference's own uncertainty apart.
+    auto time = [&](const SweepPoint& p) { return of_a_step ? 1e-3 * p.p99_us : p.seconds_per_second; };
     const double known = 3 * reference.uncertainty.field;
-    for (const std::string& value : axes[0].values) {
-        Curve c{axes[0].key + " = " + value, {}, {}};
-        c.points = true;
-        for (const SweepPoint& p : points)
-            if (p.values[0] == value && !p.failed && p.errors.field > known)
-                c.x.push_back(p.seconds_per_second), c.y.push_back(p.errors.field);
-        plot.curves.push_back(std::move(c));
-    }
     Curve below{"below 3 x uncertainty", {}, {}}, failed{"failed", {}, {}}, front{"Pareto front", {}, {}};
     below.points = failed.points = true;
     std::vector<SweepPoint> best;
     for (const SweepPoint& p : points) {
-        if (p.failed) failed.x.push_back(p.seconds_per_second), failed.y.push_back(1);
-        if (!p.failed && p.errors.field <= known)
-            below.x.push_back(p.seconds_per_second), below.y.push_back(p.errors.field);
-        if (on_front(p, points)) best.push_back(p);
+        const std::string name = curve_of(plan, p);
+        auto curve = std::find_if(plot.curves.begin(), plot.curves.end(), [&](auto& c) { return c.name == name; });
+        if (curve == plot.curves.end()) {
+            plot.curves.push_back({name, {}, {}, true});
+            curve = plot.curves.end() - 1;
+        }
+        Curve& into = p.failed ? failed : p.errors.field <= known ? below : *curve;
+        into.x.push_back(time(p)), into.y.push_back(p.failed ? 1 : p.errors.field);
+        if (!of_a_step && on_front(p, points)) best.push_back(p);
     }
+    std::erase_if(plot.curves, [](const Curve& c) { return c.x.empty(); });
     std::sort(best.begin(), best.end(), [](auto& x, auto& y) { return x.seconds_per_second < y.seconds_per_second; });
     for (const SweepPoint& p : best) front.x.push_back(p.seconds_per_second), front.y.push_back(p.errors.field);
     for (Curve* c : {&below, &failed, &front})
         if (!c->x.empty()) plot.curves.push_back(std::move(*c));
-    plot.markers.push_back({"real time", 1});
+    if (of_a_step)
+        plot.markers = {{"1 ms", 1}, {"20 ms", 20}};
+    else
+        plot.markers = {{"real time", 1}};
     return plot;
 }
 
-std::string settings_text(const std::vector<SweepAxis>& axes, const SweepPoint& p) {
+std::string settings_text(const SweepPlan& plan, const SweepPoint& p) {
     std::string text;
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        const std::string& key = axes[i].key;
-        text += (i ? ", " : "") + key.substr(key.rfind('.') + 1) + " " + p.values[i];
+    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i) {
+        if (p.values[i].empty()) continue;
+        const std::string& key = plan.keys[i];
+        text += (text.empty() ? "" : ", ") + key.substr(key.rfind('.') + 1) + " " + p.values[i];
     }
     return text;
 }
 
-void print_results(const std::vector<SweepPoint>& points, const std::vector<SweepAxis>& axes, const Reference& r) {
-    std::printf("reference: its own uncertainty is %.2g %% of the field, %.2g %% of the net force\n",
+void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& r) {
+    std::printf("\n%s: its own uncertainty is %.2g %% of the field, %.2g %% of the net force\n",
+                r.comparison == FieldComparison::grid ? "reference with a finer mesh (fields on a grid of 3 mm)"
+                                                      : "reference with a finer step",
                 100 * r.uncertainty.field, 100 * r.uncertainty.net);
     std::printf("\nfastest setting below an error of the force field:\n");
     for (double most : {0.10, 0.05, 0.01}) {
@@ -151,7 +153,7 @@ void print_results(const std::vector<SweepPoint>& points, const std::vector<Swee
                 best = &p;
         if (best)
             std::printf("  %4.0f %%: %6.3f s per simulated second, step %.0f us median, %.0f us p99 (%s)\n", 100 * most,
-                        best->seconds_per_second, best->median_us, best->p99_us, settings_text(axes, *best).c_str());
+                        best->seconds_per_second, best->median_us, best->p99_us, settings_text(plan, *best).c_str());
         else
             std::printf("  %4.0f %%: no setting of this sweep\n", 100 * most);
     }
@@ -159,27 +161,28 @@ void print_results(const std::vector<SweepPoint>& points, const std::vector<Swee
                 "centre um", "s / s", "p99 us", "limits");
     for (const SweepPoint& p : points)
         if (on_front(p, points))
-            std::printf("%-52s %9.3f %9.3f %9.3f %9.2f %10.4f %9.0f %9.1e\n", settings_text(axes, p).c_str(),
+            std::printf("%-52s %9.3f %9.3f %9.3f %9.2f %10.4f %9.0f %9.1e\n", settings_text(plan, p).c_str(),
                         100 * p.errors.field, 100 * p.errors.net, 100 * p.errors.area, 1e3 * p.errors.platform_mm,
                         p.seconds_per_second, p.p99_us, p.limit_violation);
     int failed = 0;
     for (const SweepPoint& p : points)
-        if (p.failed && failed++ < 20) std::printf("failed: %s\n", settings_text(axes, p).c_str());
+        if (p.failed && failed++ < 20) std::printf("failed: %s\n", settings_text(plan, p).c_str());
 }
 
-struct SweepPlan {
-    const SweepArguments& arguments;
-    const std::vector<SweepAxis>& axes;
-    const std::vector<std::vector<std::string>>& points;  ///< values of every axis
-    const std::vector<std::string>& fingers;
-    double period;  ///< of the samples that are compared [s]
-};
+std::vector<std::string> overrides_of(const SweepArguments& a, const SweepPlan& plan,
+                                      const std::vector<std::string>& values) {
+    std::vector<std::string> all = a.overrides;
+    all.push_back("solver.preset=real-time");
+    for (auto& o : overrides_of(plan, values)) all.push_back(std::move(o));
+    return all;
+}
+
+constexpr double period = 0.02;  // of the samples that are compared: that of a thimble's updates [s]
 
 /// Runs this process's share of the points but for those that are `done`, each row to `out` as it comes. All its rows.
-std::string run_share(const SweepPlan& plan, const Reference& reference, const Shards& shards,
-                      std::map<std::vector<std::string>, SweepPoint>& done, std::ofstream& out,
+std::string run_share(const SweepArguments& a, const SweepPlan& plan, const References& references,
+                      const Shards& shards, std::map<std::vector<std::string>, SweepPoint>& done, std::ofstream& out,
                       const std::atomic<bool>& stop) {
-    const SweepArguments& a = plan.arguments;
     const auto& all = plan.points;
     const auto start = std::chrono::steady_clock::now();
     std::size_t run_now = 0;
@@ -187,14 +190,12 @@ std::string run_share(const SweepPlan& plan, const Reference& reference, const S
     for (std::size_t k = std::size_t(shards.rank); k < all.size() && !stop; k += std::size_t(shards.size)) {
         auto it = done.find(all[k]);
         if (it == done.end()) {
-            std::vector<std::string> overrides = a.overrides;
-            overrides.push_back("solver.preset=real-time");
-            for (auto& o : overrides_of(plan.axes, all[k], plan.fingers)) overrides.push_back(std::move(o));
             SweepTrace trace;
-            SweepPoint p = run_point(a.scene, overrides, plan.period, a.threads, stop, trace);
+            SweepPoint p = run_point(a.scene, overrides_of(a, plan, all[k]), period, a.threads, stop, trace);
             if (stop) break;
             p.values = all[k];
-            p.errors = errors_of(trace, reference.trace);
+            const ReferenceRun& reference = references.at(reference_of(all[k]));
+            p.errors = errors_of(trace, reference.trace, reference.comparison);
             p.failed = p.resets > 0 || !std::isfinite(p.errors.net);
             out << row_of(p) << "\n";
             out.flush();
@@ -210,30 +211,41 @@ std::string run_share(const SweepPlan& plan, const Reference& reference, const S
     return mine;
 }
 
+/// The settings to try. Mistakes are said before an hour has passed.
+SweepPlan checked_plan(const SweepArguments& a, const Scene& scene) {
+    std::vector<SweepBlock> blocks(a.axes.empty() ? 0 : 1);
+    for (const std::string& text : a.axes) blocks[0].push_back(parse_axis(text));
+    const SweepPlan plan = plan_sweep(blocks.empty() ? default_blocks(scene) : blocks, scene);
+    std::set<std::string> tried;  // every value once is enough
+    for (const auto& values : plan.points) {
+        bool is_new = false;
+        for (std::size_t i = 0; i + 1 < values.size(); ++i)
+            is_new |= tried.insert(plan.keys[i] + "=" + values[i]).second;
+        if (is_new) load_scene(a.scene, overrides_of(a, plan, values));
+    }
+    return plan;
+}
+
+References solve_references(const SweepArguments& a, const SweepPlan& plan, const std::atomic<bool>& stop) {
+    References references;
+    for (const SweepReference kind : {SweepReference::step, SweepReference::mesh}) {
+        const double finest = plan.finest_dt_ms[int(kind)];
+        if (finest <= 0) continue;
+        ReferenceRequest request{a.scene, a.overrides, a.reference_dt_ms > 0 ? a.reference_dt_ms : 0.5 * finest,
+                                 period,  a.threads,   {}};
+        if (!a.quiet) request.progress = [](const std::string& what) { std::fprintf(stderr, "%s\n", what.c_str()); };
+        references[kind] = solve_reference(request, plan, kind, stop);
+    }
+    return references;
+}
+
 int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     // Each process of mpirun takes its share of the points, and the first one merges what they found.
     const Shards shards = join_shards();
     SweepArguments a = asked;
     a.quiet = a.quiet || shards.rank != 0;
-    std::vector<SweepAxis> axes;
-    for (const std::string& text : a.axes) axes.push_back(parse_axis(text));
-    if (axes.empty()) axes = default_axes();
-    const Scene scene = load_scene(a.scene, a.overrides);  // mistakes are said before an hour has passed
-    std::vector<std::string> names;
-    for (const FingerSpec& f : scene.spec.fingers) names.push_back(f.name);
-    double finest = 1e3 * scene.spec.solver.dt;
-    for (const SweepAxis& axis : axes)
-        if (axis.key == "dt_ms") finest = std::strtod(axis.values[0].c_str(), nullptr);
-    for (const SweepAxis& axis : axes)
-        for (const std::string& v : axis.values)
-            if (axis.key == "dt_ms") finest = std::min(finest, std::strtod(v.c_str(), nullptr));
-    const auto all = combinations(axes);
-    for (const auto& values : all) {
-        std::vector<std::string> overrides = a.overrides;
-        overrides.push_back("solver.preset=real-time");
-        for (auto& o : overrides_of(axes, values, names)) overrides.push_back(o);
-        if (&values == &all.front() || &values == &all.back()) load_scene(a.scene, overrides);
-    }
+    const Scene scene = load_scene(a.scene, a.overrides);
+    const SweepPlan plan = checked_plan(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / (scene.file.stem().string() + "-sweep")
                       : std::filesystem::path(a.out);
@@ -241,10 +253,10 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     std::filesystem::create_directories(folder, error);
     if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
     std::string header;
-    for (const SweepAxis& axis : axes) header += axis.key + ",";
+    for (const std::string& key : plan.keys) header += key + ",";
     header += columns;
     const auto file = folder / (shards.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(shards.rank) + ".csv");
-    auto done = read_rows(file, header, axes.size());
+    auto done = read_rows(file, header, plan.keys.size());
     std::ofstream out(file, done.empty() ? std::ios::trunc : std::ios::app);
     if (!out) throw InputError(file.string() + ": cannot be written");
     const std::string about = "# palpate " PALPATE_VERSION " " PALPATE_COMMIT ", " + processor() + ", scene " +
@@ -252,11 +264,8 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     if (done.empty()) out << about;
     out.flush();
 
-    constexpr double period = 0.02;  // that of a thimble's updates
-    const Reference reference =
-        solve_reference(a, a.reference_dt_ms > 0 ? a.reference_dt_ms : 0.5 * finest, period, stop);
-    const SweepPlan plan{a, axes, all, names, period};
-    const std::string mine = run_share(plan, reference, shards, done, out, stop);
+    const References references = solve_references(a, plan, stop);
+    const std::string mine = run_share(a, plan, references, shards, done, out, stop);
     if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
     if (stop && shards.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
     const auto texts = gather(shards, mine);
@@ -268,20 +277,25 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     }
     // In the order of the settings, whoever has run them.
     std::map<std::vector<std::string>, SweepPoint> merged;
-    for (const std::string& text : texts) read_rows(text, axes.size(), merged);
-    std::vector<SweepPoint> points;
+    for (const std::string& text : texts) read_rows(text, plan.keys.size(), merged);
+    std::map<SweepReference, std::vector<SweepPoint>> points;
     std::string rows = about;
-    for (const auto& values : all) {
-        points.push_back(merged.at(values));
-        rows += row_of(points.back()) + "\n";
+    for (const auto& values : plan.points) {
+        const SweepPoint& p = merged.at(values);
+        points[reference_of(values)].push_back(p);
+        rows += row_of(p) + "\n";
     }
     out.close();
     write_file(file, rows);
-    write_svg(folder / "sweep.svg", {work_precision(points, axes, reference)});
-    if (!a.quiet) {
-        print_results(points, axes, reference);
-        std::printf("\nwritten to %s (sweep.csv, sweep.svg)\n", folder.string().c_str());
+    std::vector<Plot> plots;
+    for (const auto& [kind, of_kind] : points) {
+        const ReferenceRun& reference = references.at(kind);
+        plots.push_back(work_precision(of_kind, plan, reference, false));
+        if (kind == SweepReference::step) plots.push_back(work_precision(of_kind, plan, reference, true));
+        if (!a.quiet) print_results(of_kind, plan, reference);
     }
+    write_svg(folder / "sweep.svg", plots);
+    if (!a.quiet) std::printf("\nwritten to %s (sweep.csv, sweep.svg)\n", folder.string().c_str());
     return 0;
 }
 
@@ -291,9 +305,10 @@ Action add_sweep_command(CLI::App& program, const std::atomic<bool>& stop) {
     auto* c = program.add_subcommand("sweep", "what settings cost and what they lose, against a converged reference");
     auto a = std::make_shared<SweepArguments>();
     c->add_option("scene", a->scene, "scene file (.toml)")->required();
-    c->add_option("--axes", a->axes,
-                  "settings to vary, for example dt_ms=1,5,20 solver.newton_iterations=1,2 finger.*.elements=200,800 "
-                  "(default: time step, iterations, precision)");
+    c->add_option(
+        "--axes", a->axes,
+        "settings to vary, for example dt_ms=1,5,20 solver.newton_iterations=1,2 finger.*.elements=200,800 "
+        "(default: time step, iterations, precision; meshes; limits, contact, friction and matching one by one)");
     c->add_option("--out", a->out,
                   "folder for results (default: results/SCENE-sweep); a sweep goes on from what is there");
     c->add_option("--set", a->overrides, "override a value of the scene in all runs")

@@ -43,17 +43,18 @@ Pose<double> next_target(Coupling& c, const Pose<double>& wanted, double dt) {
     if (!c.started) return wanted;
     Pose<double> target = wanted;
     const Vec3<double> d = wanted.position - c.target.position;
-    const double reach = c.max_speed * dt, distance = norm(d);
-    if (distance > reach) {
-        target.position = c.target.position + (reach / distance) * d;
+    const double reach = c.max_speed * dt;
+    if (dot(d, d) > reach * reach) {
+        target.position = c.target.position + (reach / norm(d)) * d;
         ++c.slowed;
     }
     return target;
 }
 
 template <class T>
-void store_spring(SkinChunk<T>& c, int spring, int lane, double linear, double angular, const Pose<double>& target) {
-    const Vec3<double> p = target.position - lane_origin(c, lane);
+void store_spring(SkinChunk<T>& c, int spring, int lane, const Vec3<double>& origin, double linear, double angular,
+                  const Pose<double>& target) {
+    const Vec3<double> p = target.position - origin;
     const Quaternion<double>& q = target.rotation;
     const double v[9] = {linear, angular, p.x, p.y, p.z, q.w, q.x, q.y, q.z};
     for (int i = 0; i < 9; ++i) c.scratch.bone_springs[(9 * spring + i) * c.width + lane] = T(v[i]);
@@ -65,16 +66,17 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
     auto rate = [&](int i) { return double(c.state.bone_velocity[i * W + lane]); };
     rebase_lane(c, lane);
     const Pose<double> now = lane_bone(c, lane);
+    const Vec3<double> origin = lane_origin(c, lane);
 
     Pose<double> pulled = coupling.target;
     const Vec3<double> d = pulled.position - now.position;
-    const double reach = coupling.max_force / coupling.stiffness, distance = norm(d);
-    if (distance > reach) pulled.position = now.position + (reach / distance) * d;
-    store_spring(c, 0, lane, coupling.stiffness, coupling.angular_stiffness, pulled);
+    const double reach = coupling.max_force / coupling.stiffness;
+    if (dot(d, d) > reach * reach) pulled.position = now.position + (reach / norm(d)) * d;
+    store_spring(c, 0, lane, origin, coupling.stiffness, coupling.angular_stiffness, pulled);
 
     if (!solver.inertia) {
-        store_spring(c, 1, lane, 0, 0, now);
-        store_spring(c, 2, lane, 0, 0, now);
+        store_spring(c, 1, lane, origin, 0, 0, now);
+        store_spring(c, 2, lane, origin, 0, 0, now);
         return;
     }
     // The damper pulls the bone to where it would be if it moved with the target.
@@ -82,12 +84,12 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
     Pose<double> carried = now;
     carried.position += coupling.target.position - coupling.last_target.position;
     carried.rotation = normalised(coupling.target.rotation * conjugate(coupling.last_target.rotation) * now.rotation);
-    store_spring(c, 1, lane, coupling.damping / dt, coupling.angular_damping / dt, carried);
+    store_spring(c, 1, lane, origin, coupling.damping / dt, coupling.angular_damping / dt, carried);
 
     Pose<double> coasting = now;
     coasting.position += dt * Vec3<double>{rate(0), rate(1), rate(2)};
     coasting.rotation = normalised(rotation_step(dt * Vec3<double>{rate(3), rate(4), rate(5)}) * now.rotation);
-    store_spring(c, 2, lane, coupling.bone_mass / (dt * dt), coupling.bone_inertia / (dt * dt), coasting);
+    store_spring(c, 2, lane, origin, coupling.bone_mass / (dt * dt), coupling.bone_inertia / (dt * dt), coasting);
 }
 
 }  // namespace

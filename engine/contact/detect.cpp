@@ -13,13 +13,14 @@ Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver)
     const int W = c.width;
     const SkinTopology& t = *c.topology;
     // The bone is drawn to its targets; the skin follows, and swings with its own speed.
-    double way = 0;
+    double way2 = 0;
     for (int s = 0; s < bone_spring_count; ++s) {
         Vec3<double> d;
         for (int k = 0; k < 3; ++k)
             d[k] = c.scratch.bone_springs[(9 * s + 2 + k) * W + lane] - double(c.state.bone[k * W + lane]);
-        way = std::max(way, norm(d));
+        way2 = std::max(way2, dot(d, d));
     }
+    const double way = std::sqrt(way2);
     if ((c.rigid_lanes >> lane) & 1u) {
         auto rate = [&](int i) { return double(c.state.bone_velocity[i * W + lane]); };
         const double turning = norm(Vec3<double>{rate(3), rate(4), rate(5)}) * double(c.rest.extent[lane]);
@@ -34,14 +35,14 @@ Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver)
             low[d] = std::min(low[d], x);
             high[d] = std::max(high[d], x);
         }
-    double speed = 0;
+    double speed2 = 0;
     for (int node : t.samples) {
         Vec3<double> v;
         for (int d = 0; d < 3; ++d) v[d] = c.state.velocity[(3 * node + d) * W + lane];
-        speed = std::max(speed, norm(v));
+        speed2 = std::max(speed2, dot(v, v));
     }
     const Vec3<double> half = 0.5 * (high - low);
-    return {0.5 * (low + high), norm(half) + 2e-3 + 2 * way + 2 * speed * solver.dt};
+    return {0.5 * (low + high), norm(half) + 2e-3 + 2 * way + 2 * std::sqrt(speed2) * solver.dt};
 }
 
 template <class T>

@@ -280,8 +280,9 @@ void rebase_lane(SkinChunk<T>& c, int lane) {
     const int W = c.width;
     bool far = false;
     for (int d = 0; d < 3; ++d) far |= !(std::abs(double(c.state.bone[d * W + lane])) < 1.5 * origin_grid);
+    if (!far) return;
     const Pose<double> bone = lane_bone(c, lane);
-    if (!far || !std::isfinite(dot(bone.position, bone.position))) return;
+    if (!std::isfinite(dot(bone.position, bone.position))) return;
     const Vec3<double> old = lane_origin(c, lane), origin = nearest_origin(bone.position);
     for (int d = 0; d < 3; ++d) {
         c.state.origin[d * W + lane] = origin[d];

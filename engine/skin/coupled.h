@@ -6,6 +6,7 @@
 
 #include "engine/skin/kernels.h"
 #include "engine/skin/newton.h"
+#include "engine/skin/rigid.h"
 
 namespace palpate {
 
@@ -359,6 +360,7 @@ template <class R>
 constexpr Kernel<ScalarOf<R>> kernel() {
     return {lane_width<R>,
             &solve_chunk<R>,
+            &move_rigid<R>,
             {&coupled_begin<R>, &coupled_evaluate<R>, &coupled_update<R>, &coupled_condense<R>, &coupled_direction<R>,
              &coupled_restore<R>, &coupled_surprise<R>, &coupled_move<R>, &coupled_end<R>}};
 }

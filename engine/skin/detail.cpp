@@ -2,20 +2,12 @@
 
 #include <cmath>
 
-#include "engine/bodies/pose_spring.h"
-
 namespace palpate {
 
 namespace {
 
 /// So long is nothing near before a skin is taken for rigid: at the edge of an object's reach it would come and go.
 constexpr int calm_enough = 20;
-
-template <class T>
-Pose<double> spring_target(const SkinChunk<T>& c, int spring, int lane) {
-    auto v = [&](int i) { return double(c.scratch.bone_springs[std::size_t((9 * spring + 2 + i) * c.width + lane)]); };
-    return {{v(0), v(1), v(2)}, {v(3), v(4), v(5), v(6)}};
-}
 
 /// The bone, from the lane's origin.
 template <class T>
@@ -175,53 +167,6 @@ void choose_samples(SkinChunk<T>& c, const SolverSettings& settings) {
 }
 
 template <class T>
-void move_rigid_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
-    const double dt = settings.dt;
-    for (int lane = 0; lane < c.width; ++lane) {
-        if (!((c.rigid_lanes >> lane) & 1u)) continue;
-        Pose<double> before = local_bone(c, lane);
-        const Vec3<double> speed = read(c.state.bone_velocity, 0, c.width, lane);
-        // The skin's mass coasts as the bone's does: to the target of the third spring.
-        double linear = c.skin_mass[std::size_t(lane)] / (dt * dt);
-        Vec3<double> pull = linear * (before.position + dt * speed);
-        for (int s = 0; s < bone_spring_count; ++s) {
-            const double k = double(c.scratch.bone_springs[std::size_t(9 * s * c.width + lane)]);
-            pull += k * spring_target(c, s, lane).position;
-            linear += k;
-        }
-        Pose<double> bone{(1 / linear) * pull, before.rotation};
-        for (int newton = 0; newton < 4; ++newton) {
-            Vec3<double> torque{0, 0, 0};
-            double curvature = 0;
-            for (int s = 0; s < bone_spring_count; ++s) {
-                const double own = double(c.scratch.bone_springs[std::size_t((9 * s + 1) * c.width + lane)]);
-                const double k = own + (s == 2 ? c.skin_inertia[std::size_t(lane)] / (dt * dt) : 0);
-                const PoseTerms<double> terms = pose_spring(PoseSpring<double>{0, k, spring_target(c, s, lane)}, bone);
-                torque += terms.torque;
-                curvature += terms.angular_curvature;
-            }
-            if (!(curvature > 0)) break;
-            const Vec3<double> turn = (-1 / curvature) * torque;
-            bone.rotation = normalised(rotation_step(turn) * bone.rotation);
-            if (dot(turn, turn) < 1e-16) break;  // what is left is its square
-        }
-        c.status[std::size_t(lane)] = {};
-        c.status[std::size_t(lane)].converged = true;
-        if (!std::isfinite(dot(bone.position, bone.position) + bone.rotation.w)) {
-            before = bone = spring_target(c, 0, lane);
-            c.status[std::size_t(lane)].reset = true;
-        }
-        const Quaternion<double> turn = bone.rotation * conjugate(before.rotation);
-        write(c.state.bone_velocity, 0, c.width, lane, (1 / dt) * (bone.position - before.position));
-        write(c.state.bone_velocity, 1, c.width, lane,
-              (1 / (dt * std::max(std::abs(turn.w), 0.1))) * shorter_twice_vector(turn));
-        const double v[7] = {bone.position.x, bone.position.y, bone.position.z, bone.rotation.w,
-                             bone.rotation.x, bone.rotation.y, bone.rotation.z};
-        for (int i = 0; i < 7; ++i) c.state.bone[std::size_t(i * c.width + lane)] = T(v[i]);
-    }
-}
-
-template <class T>
 void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     if (!settings.inertia) return;
     const unsigned near = near_lanes(c);
@@ -236,11 +181,10 @@ void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     }
 }
 
-#define PALPATE_INSTANTIATE(T)                                            \
-    template void soften_lanes(SkinChunk<T>&, unsigned);                  \
-    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);       \
-    template void choose_samples(SkinChunk<T>&, const SolverSettings&);   \
-    template void move_rigid_lanes(SkinChunk<T>&, const SolverSettings&); \
+#define PALPATE_INSTANTIATE(T)                                          \
+    template void soften_lanes(SkinChunk<T>&, unsigned);                \
+    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);     \
+    template void choose_samples(SkinChunk<T>&, const SolverSettings&); \
     template void settle_lanes(SkinChunk<T>&, const SolverSettings&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)

@@ -19,10 +19,6 @@ void soften_lanes(SkinChunk<T>& chunk, unsigned lanes);
 template <class T>
 void choose_samples(SkinChunk<T>& chunk, const SolverSettings& settings);
 
-/// Moves the bones of the chunk's rigid lanes by one step: implicit Euler of one rigid body on its springs.
-template <class T>
-void move_rigid_lanes(SkinChunk<T>& chunk, const SolverSettings& settings);
-
 /// After the solve: puts to sleep the lanes that have come to rest, and makes rigid those whose skin has come to its
 /// rest shape, or fell asleep, as far as the settings allow it.
 template <class T>

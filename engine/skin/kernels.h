@@ -27,6 +27,7 @@ template <class T>
 struct Kernel {
     int width = 0;
     void (*solve)(SkinChunk<T>&, const SolverSettings&) = nullptr;
+    void (*move_rigid)(SkinChunk<T>&, const SolverSettings&) = nullptr;
     CoupledKernel<T> coupled = {};
 };
 

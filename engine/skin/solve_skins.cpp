@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/skin/detail.h"
+#include "engine/skin/kernels.h"
 #include "engine/skin/solve_skin.h"
 #include "engine/systems.h"
 
@@ -18,7 +19,7 @@ bool near_a_body(const SkinChunk<T>& c) {
 
 template <class T>
 void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
-    if (c.rigid_lanes != 0) move_rigid_lanes(c, solver);
+    if (c.rigid_lanes != 0) kernel_for(c).move_rigid(c, solver);
     if (near_a_body(c)) return;
     if (active_lanes(c) != 0) {
         solve_skin(c, solver);

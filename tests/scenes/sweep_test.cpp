@@ -2,6 +2,8 @@
 
 #include "scenes/sweep.h"
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <sstream>
 
@@ -29,10 +31,35 @@ TEST(Sweep, AxesAreReadAndCombined) {
     EXPECT_EQ(axis.values, (std::vector<std::string>{"1", "2", "5"}));
     EXPECT_THROW(parse_axis("dt_ms"), InputError);
     EXPECT_THROW(parse_axis("dt_ms="), InputError);
-    const std::vector<SweepAxis> axes{axis, parse_axis("finger.*.elements=100,200")};
-    EXPECT_EQ(combinations(axes).size(), 6u);
-    EXPECT_EQ(overrides_of(axes, {"2", "200"}, {"thumb", "index"}),
-              (std::vector<std::string>{"dt_ms=2", "finger.thumb.elements=200", "finger.index.elements=200"}));
+    const Scene scene = load_scene(scenes + "pinch.toml");
+    const SweepPlan plan = plan_sweep(
+        {{axis, parse_axis("solver.precision=double,float")}, {axis, parse_axis("finger.*.elements=100,900")}}, scene);
+    EXPECT_EQ(plan.keys, (std::vector<std::string>{"dt_ms", "solver.precision", "finger.*.elements", "reference"}));
+    ASSERT_EQ(plan.points.size(), 12u);
+    EXPECT_EQ(plan.points[0], (std::vector<std::string>{"1", "double", "", "step"}));
+    EXPECT_EQ(plan.points[11], (std::vector<std::string>{"5", "", "900", "mesh"}));
+    EXPECT_EQ(overrides_of(plan, plan.points[11]),
+              (std::vector<std::string>{"dt_ms=5", "finger.thumb.elements=900", "finger.index.elements=900"}));
+    EXPECT_EQ(plan.finest_elements, 900);
+    EXPECT_EQ(plan.finest_dt_ms[0], 1);
+    EXPECT_EQ(plan.finest_dt_ms[1], 1);
+}
+
+TEST(Sweep, TriesByItselfWhatTheSceneHas) {
+    auto keys = [](const std::string& name) {
+        const Scene scene = load_scene(scenes + name);
+        return plan_sweep(default_blocks(scene), scene).keys;
+    };
+    auto has = [](const std::vector<std::string>& all, const std::string& key) {
+        return std::find(all.begin(), all.end(), key) != all.end();
+    };
+    const auto hand = keys("hand.toml"), press = keys("press.toml");
+    for (const char* key : {"dt_ms", "solver.newton_iterations", "solver.precision", "solver.limit_tolerance",
+                            "solver.contact_iterations", "solver.sample_refinement", "finger.*.elements"})
+        EXPECT_TRUE(has(hand, key) && has(press, key)) << key;
+    EXPECT_TRUE(has(hand, "object.*.friction"));
+    EXPECT_TRUE(has(hand, "finger.*.device.tolerance"));
+    EXPECT_FALSE(has(press, "object.*.friction"));
 }
 
 TEST(Sweep, ErrorsAreSharesOfTheReference) {
@@ -43,14 +70,40 @@ TEST(Sweep, ErrorsAreSharesOfTheReference) {
     SweepTrace reference{{{finger}}}, other = reference;
     other.samples[0][0].field[0].z = 0.9;
     other.samples[0][0].net.z = 1.9;
-    const SweepErrors e = errors_of(other, reference);
+    const SweepErrors e = errors_of(other, reference, FieldComparison::samples);
     EXPECT_NEAR(e.field, 0.05, 1e-12);
     EXPECT_NEAR(e.net, 0.05, 1e-12);
     EXPECT_EQ(e.area, 0);
     EXPECT_TRUE(std::isnan(e.platform_mm));
     other.samples[0][0].field.pop_back();  // another mesh: its field cannot be compared, its net force can
-    EXPECT_TRUE(std::isnan(errors_of(other, reference).field));
-    EXPECT_NEAR(errors_of(other, reference).net, 0.05, 1e-12);
+    EXPECT_TRUE(std::isnan(errors_of(other, reference, FieldComparison::samples).field));
+    EXPECT_NEAR(errors_of(other, reference, FieldComparison::samples).net, 0.05, 1e-12);
+}
+
+TEST(Sweep, FieldsOfTwoMeshesAreComparedOnAGrid) {
+    SweepTrace::Finger one, two;
+    one.field = {{0, 0, 2}};
+    one.place = {{1.5e-3, 1e-3, 0.5e-3}};
+    two.field = {{0, 0, 1}, {0, 0, 1}};  // the same load, from two samples around that one
+    two.place = {{1e-3, 1e-3, 0.5e-3}, {2e-3, 1e-3, 0.5e-3}};
+    auto error = [&] { return errors_of({{{two}}}, {{{one}}}, FieldComparison::grid).field; };
+    EXPECT_NEAR(error(), 0, 1e-12);
+    two.place[1].x += 0.3e-3;  // one of them a tenth of a cell further: that share leaves one corner for the next
+    EXPECT_NEAR(error(), 2 * 0.1 / 2, 1e-12);
+    two.place[0].x += 0.1, two.place[1].x += 0.1;  // elsewhere altogether
+    EXPECT_NEAR(error(), 2, 1e-12);
+    two.place = {{1e-3, 1e-3, 0.5e-3}, {2e-3, 1e-3, 0.5e-3}};
+    two.field[0].z = 0.9;  // what is missing is missing
+    EXPECT_NEAR(error(), 0.05, 1e-12);
+}
+
+TEST(Sweep, ThreeRefinementsTellWhatIsLeft) {
+    EXPECT_NEAR(richardson(0.2, 0.1), 0.1, 1e-15);         // first order in halved steps: 0.1 + 0.05 + ...
+    EXPECT_NEAR(richardson(0.15, 0.1), 0.2, 1e-15);        // slower
+    EXPECT_NEAR(richardson(1, 0.1), 0.1, 1e-15);           // never less than the last change
+    EXPECT_NEAR(richardson(0.1, 0.1), 0.1 / 0.26, 1e-12);  // does not converge yet: a bound that says so
+    EXPECT_EQ(richardson(0.1, 0), 0);
+    EXPECT_TRUE(std::isnan(richardson(std::nan(""), std::nan(""))));
 }
 
 TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
@@ -64,14 +117,15 @@ TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     std::istringstream rows(text_of(scratch.path / "sweep.csv"));
     std::vector<double> errors;
     for (std::string line; std::getline(rows, line);)
-        if (line.starts_with("10,")) errors.push_back(std::strtod(line.c_str() + line.find(',', 3) + 1, nullptr));
+        if (const auto error = line.find(",step,"); line.starts_with("10,") && error != std::string::npos)
+            errors.push_back(std::strtod(line.c_str() + error + 6, nullptr));
     ASSERT_EQ(errors.size(), 2u);
     EXPECT_GT(errors[0], 2 * errors[1]);
     EXPECT_LT(errors[1], 0.05);
     // Cut in the middle of a row, as a kill would: that row is run again, the other is not.
     std::string text = text_of(scratch.path / "sweep.csv");
     const std::string first = text.substr(0, text.rfind("\n10,6") + 1);
-    std::ofstream(scratch.path / "sweep.csv") << first << "10,6,0.0\n";
+    std::ofstream(scratch.path / "sweep.csv") << first << "10,6,step,0.0\n";
     o = palpate_program(command);
     EXPECT_EQ(o.code, 0) << o.out;
     text = text_of(scratch.path / "sweep.csv");
@@ -95,7 +149,7 @@ TEST(Sweep, TwoProcessesFindWhatOneFinds) {
         std::string kept;
         for (std::string line; std::getline(in, line);) {
             std::size_t end = 0;
-            for (int comma = 0; comma < 6 && end != std::string::npos; ++comma) end = line.find(',', end + 1);
+            for (int comma = 0; comma < 7 && end != std::string::npos; ++comma) end = line.find(',', end + 1);
             kept += line.substr(0, end) + "\n";
         }
         return kept;
