@@ -116,6 +116,31 @@ SkinParameters parameters_of(const FingerSpec& f) {
     return p;
 }
 
+/// In very short steps a node's inertia is what contact and limits have to overcome, rather than tissue: a penalty far
+/// below it takes many updates of multipliers to be felt, which with a few iterations a step never settle (at 0.05 ms
+/// they made a pressed finger bounce, with forces off by more than themselves).
+SkinParameters stiffened_for_inertia(SkinParameters p, const SolverSettings& solver) {
+    if (!solver.inertia) return p;
+    double volume = 0, softest = HUGE_VAL, mean = 0;
+    for (const auto& tet : p.mesh->tets) {
+        Eigen::Matrix3d edges;
+        for (int a = 1; a < 4; ++a)
+            for (int d = 0; d < 3; ++d) edges(d, a - 1) = p.mesh->nodes[tet[a]][d] - p.mesh->nodes[tet[0]][d];
+        volume += std::abs(edges.determinant()) / 6;
+    }
+    for (double young : p.young_modulus) {
+        softest = std::min(softest, young);
+        mean += young / double(p.young_modulus.size());
+    }
+    const double spacing = std::cbrt(8.5 * volume / double(p.mesh->tets.size()));  // edge of a regular tetrahedron
+    // Six times the inertia of a node of a third of spacing^3: as many times as the penalty is above tissue's
+    // stiffness.
+    const double inertia = 2 * p.density * spacing * spacing / (solver.dt * solver.dt);
+    p.contact_penalty_factor = std::max(p.contact_penalty_factor, inertia / mean);
+    p.limit_penalty_factor = std::max(p.limit_penalty_factor, inertia / softest);
+    return p;
+}
+
 bool has_bodies(const SceneSpec& spec) {
     return std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.body.has_value(); });
 }
@@ -180,7 +205,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         for (std::size_t k = first; k < last; ++k) {
             const int finger = a.fingers[k];
             const FingerSpec& f = spec.fingers[finger];
-            set_lane(chunk, int(k - first), finger, parameters_of(f), f.start);
+            set_lane(chunk, int(k - first), finger, stiffened_for_inertia(parameters_of(f), spec.solver), f.start);
             if (soft) set_contact_areas(chunk, int(k - first), f.mesh);
             for (const FingerFriction& own : spec.finger_frictions)
                 if (own.finger == finger)

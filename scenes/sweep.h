@@ -47,7 +47,8 @@ SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference,
 /// that these show, between those of a method of first order and a third of it).
 double richardson(double change_before, double last_change);
 
-/// The converged reference: half the finest step of all that is held against it and, for meshes, twice the finest mesh.
+/// The converged reference: half the finest step of all that is held against it and, for meshes, twice the
+/// finest mesh, at least 3,200 elements.
 struct ReferenceRun {
     SweepTrace trace;
     SweepErrors uncertainty;  ///< of its step, and of its mesh, by three refinements of each

@@ -114,13 +114,15 @@ TEST(Indentation, AFingerAloneAndBesideOthersGivesTheSameBits) {
 }
 
 /// What the README says of the default index finger, at the paper's mesh size and at a fine one.
-class IndexFinger : public ::testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(Indentation, IndexFinger, ::testing::Values(347, 4000));
+/// Elements; degrees between finger and plate.
+class IndexFinger : public ::testing::TestWithParam<std::tuple<int, int>> {};
+INSTANTIATE_TEST_SUITE_P(Indentation, IndexFinger,
+                         ::testing::Combine(::testing::Values(347, 4000), ::testing::Values(0, 30)));
 
 TEST_P(IndexFinger, LiesInsideTheBands) {
     FingerModel model = named("index-median");
-    model.mesh.elements = GetParam();
-    const Indentation press{built(model), 30 * degree, 0, 4e-3};
+    model.mesh.elements = std::get<0>(GetParam());
+    const Indentation press{built(model), std::get<1>(GetParam()) * degree, 0, 4e-3};
     oneapi::tbb::task_arena arena(2);
     const IndentationCurve curve = pressed({press}, {.steps = 120, .force_limit = 6})[0];
     const FingertipFigures f = fingertip_figures(press, curve, 0.8, arena);

@@ -106,6 +106,25 @@ TEST(Sweep, ThreeRefinementsTellWhatIsLeft) {
     EXPECT_TRUE(std::isnan(richardson(std::nan(""), std::nan(""))));
 }
 
+TEST(Sweep, VeryShortStepsHoldWithOneIteration) {
+    const std::vector<std::string> both{"duration_s=0.3", "solver.preset=fast"};
+    auto traced = [&](const char* dt, const char* iterations) {
+        auto overrides = both;
+        overrides.insert(overrides.end(),
+                         {std::string("dt_ms=") + dt, std::string("solver.newton_iterations=") + iterations});
+        SweepTrace trace;
+        const SweepPoint p = run_point(scenes + "press.toml", overrides, 0.02, 1, std::atomic<bool>(false), trace);
+        EXPECT_EQ(p.resets, 0);
+        return trace;
+    };
+    const SweepTrace reference = traced("0.25", "50");
+    double force = 0;
+    for (const auto& fingers : reference.samples) force = std::max(force, norm(fingers[0].net));
+    EXPECT_GT(force, 0.3);  // it is pressed by then
+    // Inertia of nodes is then forty times the stiffness of tissue: contact must be as stiff, or the finger bounces.
+    EXPECT_LT(errors_of(traced("0.05", "1"), reference).field, 1e-3);
+}
+
 TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     ScratchFolder scratch;
     const std::string command = "sweep " + scenes + "hand.toml --set duration_s=0.3 --out " + scratch.path.string() +
