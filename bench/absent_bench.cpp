@@ -8,22 +8,15 @@
 #include <chrono>
 #include <cstdio>
 
+#include "bench/pressed_finger.h"
 #include "engine/build.h"
 #include "engine/step.h"
-#include "scenes/finger_mesh.h"
 
 namespace palpate {
 namespace {
 
 SceneSpec pressed(int fingers) {
-    static FingerTemplates templates;
-    FingerMeshRequest request;
-    request.shape = finger_shape("index");
-    request.elements = 347;
-    std::string note;
-    const TetMesh mesh = make_finger_mesh(request, templates, note);
-    double lowest = 0;
-    for (const Point& p : mesh.nodes) lowest = std::min(lowest, p[2]);
+    static const TetMesh mesh = index_finger_mesh();
     SceneSpec spec;
     spec.solver.newton_iterations = 2;
     spec.solver.dt = 0.001;
@@ -31,7 +24,7 @@ SceneSpec pressed(int fingers) {
         FingerSpec f;
         f.name = "finger" + std::to_string(i);
         f.mesh = mesh;
-        f.start.position = {0.05 * i, 0, 0.0002 - lowest + (i > 0 ? 0.5 : 0)};  // the first one touches
+        f.start.position = {0.05 * i, 0, 0.0002 + touching_height(mesh) + (i > 0 ? 0.5 : 0)};  // the first one touches
         spec.fingers.push_back(std::move(f));
     }
     spec.objects.push_back({"table", {}, Pose<double>::identity()});
@@ -52,14 +45,6 @@ struct Lane {
         const auto start = std::chrono::steady_clock::now();
         step(world, arena);
         seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-    }
-    double mean_us() {
-        // Without the slowest tenth: the machine's own interruptions.
-        std::sort(seconds.begin(), seconds.end());
-        double sum = 0;
-        const std::size_t n = seconds.size() * 9 / 10;
-        for (std::size_t i = 0; i < n; ++i) sum += seconds[i];
-        return 1e6 * sum / double(n);
     }
 };
 
@@ -123,8 +108,8 @@ void absent(benchmark::State& state) {
     }
     const auto force = [](const Lane& l) { return l.world.contact_surfaces[0].total; };
     const bool same = force(a).z == force(b).z && force(a).x == force(b).x;
-    state.counters["ratio"] = b.mean_us() / a.mean_us();
-    state.counters["without_us"] = a.mean_us();
+    state.counters["ratio"] = trimmed_mean_us(b.seconds) / trimmed_mean_us(a.seconds);
+    state.counters["without_us"] = trimmed_mean_us(a.seconds);
     state.counters["bytes_more"] = double(bytes_b) - double(bytes_a);
     state.SetLabel(std::string(what) + (same ? ", same bits" : ", other bits"));
 }

@@ -19,7 +19,7 @@
 #include <string>
 
 #include "bench/eigen_baseline.h"
-#include "scenes/finger_mesh.h"
+#include "bench/pressed_finger.h"
 
 namespace palpate {
 namespace {
@@ -56,16 +56,10 @@ btSoftBody* make_body(btSoftBodyWorldInfo& info, const TetMesh& mesh, const std:
 }
 
 void bullet(benchmark::State& state, int elements) {
-    FingerTemplates templates;
-    std::string note;
-    FingerMeshRequest request;
-    request.shape = finger_shape("index");
-    request.elements = elements;
-    const TetMesh mesh = make_finger_mesh(request, templates, note);
+    const TetMesh mesh = index_finger_mesh(elements);
     std::vector<bool> in_bone(mesh.nodes.size(), false);
     for (int i : mesh.bone_nodes) in_bone[std::size_t(i)] = true;
-    double lowest = 0;
-    for (const Point& p : mesh.nodes) lowest = std::min(lowest, p[2]);
+    const double lowest = -touching_height(mesh);
     double median = 0, sunk = 0;
     for (auto _ : state) {
         btSoftBodyRigidBodyCollisionConfiguration configuration;

@@ -7,19 +7,11 @@
 #include <bit>
 #include <cmath>
 
-#include "scenes/finger_mesh.h"
+#include "bench/pressed_finger.h"
 #include "scenes/simulation.h"
 
 namespace palpate {
 namespace {
-
-double trimmed_mean_us(std::vector<double> seconds) {
-    std::sort(seconds.begin(), seconds.end());
-    const std::size_t n = seconds.size() * 9 / 10;  // without the machine's own interruptions
-    double sum = 0;
-    for (std::size_t i = 0; i < n; ++i) sum += seconds[i];
-    return 1e6 * sum / double(n);
-}
 
 struct Trade {
     const char* scene;
@@ -135,14 +127,7 @@ struct Crowd {
 };
 
 Crowd crowd_of(int fingers, bool waves, bool automatic) {
-    static FingerTemplates templates;
-    FingerMeshRequest request;
-    request.shape = finger_shape("index");
-    request.elements = 347;
-    std::string note;
-    const TetMesh mesh = make_finger_mesh(request, templates, note);
-    double lowest = 0;
-    for (const Point& p : mesh.nodes) lowest = std::min(lowest, p[2]);
+    static const TetMesh mesh = index_finger_mesh();
     SceneSpec spec;
     spec.solver.newton_iterations = 1;
     spec.solver.dt = 0.001;
@@ -156,7 +141,8 @@ Crowd crowd_of(int fingers, bool waves, bool automatic) {
         f.mesh = mesh;
         f.single_precision = true;
         // Those that press are where they are among twenty: the same numbers, to the last bit.
-        f.start.position = {0.05 * (i % c.every ? i : i / c.every), 0, 0.0002 - lowest + (i % c.every ? 0.5 : 0)};
+        f.start.position = {0.05 * (i % c.every ? i : i / c.every), 0,
+                            0.0002 + touching_height(mesh) + (i % c.every ? 0.5 : 0)};
         spec.fingers.push_back(std::move(f));
     }
     spec.objects.push_back({"table", {}, Pose<double>::identity()});

@@ -106,7 +106,8 @@ double refine(Search& s, Coordinates w, double error) {
 
 void force_bound(benchmark::State& state) {
     const std::string& name = bound_scenes[std::size_t(state.range(0))];
-    Scene scene = load_scene(PALPATE_SOURCE_DIR "/scenes/" + name + ".toml", {"finger.index.device.method=constrained"});
+    Scene scene =
+        load_scene(PALPATE_SOURCE_DIR "/scenes/" + name + ".toml", {"finger.index.device.method=constrained"});
     const FingerSpec finger = scene.spec.fingers[0];
     Simulation sim = make_simulation(std::move(scene), 2);
     const Matching& m = sim.world.matchings[0];

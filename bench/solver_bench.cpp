@@ -10,11 +10,11 @@
 
 #include "bench/eigen_baseline.h"
 #include "bench/field_error.h"
+#include "bench/pressed_finger.h"
 #include "engine/build.h"
 #include "engine/skin/kernels.h"
 #include "engine/skin/solve_skin.h"
 #include "engine/step.h"
-#include "scenes/finger_mesh.h"
 
 namespace palpate {
 namespace {
@@ -23,12 +23,7 @@ const TetMesh& finger_of(int elements) {
     static std::map<int, TetMesh> meshes;
     const auto found = meshes.find(elements);
     if (found != meshes.end()) return found->second;
-    FingerTemplates templates;
-    std::string note;
-    FingerMeshRequest request;
-    request.shape = finger_shape("index");
-    request.elements = elements;
-    return meshes[elements] = make_finger_mesh(request, templates, note);
+    return meshes[elements] = index_finger_mesh(elements);
 }
 
 constexpr int case_a = 347, case_b = 4000;
@@ -43,9 +38,7 @@ struct Press {
 
 /// Height of finger i's target: from just above the plane 2.5 mm down; no two of eight fingers do the same.
 double start_height(const Press& press, std::size_t i, double progress) {
-    double lowest = 0;
-    for (const Point& p : finger_of(press.elements[i]).nodes) lowest = std::min(lowest, p[2]);
-    return 2e-5 * double(1 + i % 8) - lowest - 2.5e-3 * progress;
+    return 2e-5 * double(1 + i % 8) + touching_height(finger_of(press.elements[i])) - 2.5e-3 * progress;
 }
 
 SceneSpec scene_of(const Press& press, bool single_precision) {

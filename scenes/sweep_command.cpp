@@ -81,13 +81,14 @@ std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::
 
 using References = std::map<SweepReference, ReferenceRun>;
 
-/// First axis that a point sets, and its value: the point's curve.
-std::string curve_of(const SweepPlan& plan, const SweepPoint& p) {
-    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
-        if (!p.values[i].empty()) {
-            const std::string& key = plan.keys[i];
-            return (key.ends_with("dt_ms") ? "dt_ms" : key.substr(key.rfind('.') + 1)) + " = " + p.values[i];
-        }
+std::string short_key(const std::string& key) { return key.substr(key.rfind('.') + 1); }
+
+/// Points by the value of the axis that the first of them sets first; those that leave it as it is are one curve.
+std::string curve_of(const SweepPlan& plan, const std::vector<SweepPoint>& points, const SweepPoint& p) {
+    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i) {
+        if (points.front().values[i].empty()) continue;
+        return p.values[i].empty() ? "other settings, one by one" : short_key(plan.keys[i]) + " = " + p.values[i];
+    }
     return "";
 }
 
@@ -108,7 +109,7 @@ Plot work_precision(const std::vector<SweepPoint>& points, const SweepPlan& plan
     below.points = failed.points = true;
     std::vector<SweepPoint> best;
     for (const SweepPoint& p : points) {
-        const std::string name = curve_of(plan, p);
+        const std::string name = curve_of(plan, points, p);
         auto curve = std::find_if(plot.curves.begin(), plot.curves.end(), [&](auto& c) { return c.name == name; });
         if (curve == plot.curves.end()) {
             plot.curves.push_back({name, {}, {}, true});
@@ -134,8 +135,7 @@ std::string settings_text(const SweepPlan& plan, const SweepPoint& p) {
     std::string text;
     for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i) {
         if (p.values[i].empty()) continue;
-        const std::string& key = plan.keys[i];
-        text += (text.empty() ? "" : ", ") + key.substr(key.rfind('.') + 1) + " " + p.values[i];
+        text += (text.empty() ? "" : ", ") + short_key(plan.keys[i]) + " " + p.values[i];
     }
     return text;
 }

@@ -11,8 +11,9 @@ namespace palpate {
 namespace {
 
 constexpr double width = 800, height = 380, left = 74, right = 230, top = 44, bottom = 54;
-// Okabe and Ito's colours, told apart with any colour vision.
-const char* const colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"};
+// Okabe and Ito's colours, told apart with any colour vision; then some of Paul Tol's.
+const char* const colours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
+                               "#000000", "#999999", "#882255", "#44AA99", "#DDCC77"};
 
 /// Step of 1, 2 or 5 times a power of ten that gives about n ticks.
 double tick_step(double range, int n) {
