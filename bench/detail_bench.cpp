@@ -4,7 +4,6 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "bench/pressed_finger.h"
@@ -47,36 +46,19 @@ Simulation simulation_of(const Trade& t, const std::vector<std::string>& own) {
     return make_simulation(load_scene(PALPATE_SOURCE_DIR "/scenes/" + std::string(t.scene) + ".toml", overrides), 1);
 }
 
-/// Fingers in each state, over all chunks.
-struct States {
-    long rigid = 0, asleep = 0, fine = 0, all = 0;
-    void count(const World& w) {
-        auto add = [&](const auto& chunks) {
-            for (const auto& c : chunks) {
-                rigid += std::popcount(c.rigid_lanes & c.used_lanes);
-                asleep += std::popcount(c.asleep_lanes & c.used_lanes);
-                fine += c.topology->face_samples.empty() ? 0 : std::popcount(c.fine_lanes & c.used_lanes);
-                all += std::popcount(c.used_lanes);
-            }
-        };
-        add(w.double_chunks);
-        add(w.float_chunks);
-    }
-};
-
 void detail_trade(benchmark::State& state) {
     const Trade& t = trades[std::size_t(state.range(0))];
     Simulation full = simulation_of(t, t.full), automatic = simulation_of(t, t.automatic);
     std::vector<double> of_full, of_automatic;
     std::vector<Vec3<double>> last_off(full.fingers.size(), {0, 0, 0});
     double error = 0, force = 0, jump = 0, largest = 0;
-    States states;
+    DetailCount states;
     for (auto _ : state) {
         while (full.world.time < full.scene.duration - 1e-9) {
             advance(full), advance(automatic);
             of_full.push_back(full.world.profile.total());
             of_automatic.push_back(automatic.world.profile.total());
-            states.count(automatic.world);
+            count_detail(automatic.world, states);
             for (std::size_t i = 0; i < full.fingers.size(); ++i) {
                 const ContactSurface &a = full.world.contact_surfaces[i], &b = automatic.world.contact_surfaces[i];
                 for (std::size_t s = 0; s < a.force.size(); ++s) {
@@ -97,7 +79,7 @@ void detail_trade(benchmark::State& state) {
     state.counters["largest_force_N"] = largest;
     state.counters["rigid"] = double(states.rigid) / double(states.all);
     state.counters["asleep"] = double(states.asleep) / double(states.all);
-    state.counters["fine"] = double(states.fine) / double(states.all);
+    state.counters["fine"] = 1 - double(states.coarse) / double(std::max<std::int64_t>(1, states.between));
     std::string label = t.scene;
     for (const auto* list : {&t.both, &t.automatic})
         for (const std::string& o : *list) label += " " + o;

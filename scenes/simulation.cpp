@@ -157,6 +157,7 @@ void advance(Simulation& s, const StepInputs& inputs) {
     if (s.governor && inputs.preset >= 0) w.solver = settings_of(*s.governor, inputs.preset);
     if (s.hardware) w.sampled_at = device_clock();
     step(w, *s.arena);
+    count_detail(w, s.detail);
     if (s.governor) govern(*s.governor, w.profile.total());
     if (!s.hardware)
         for (auto& loop : s.loops) tick(*loop, w.time);

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "engine/step.h"
+#include "scenes/detail_count.h"
 #include "scenes/presets.h"
 #include "scenes/recording/series.h"
 #include "scenes/scene.h"
@@ -44,6 +45,7 @@ struct Simulation {
     std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
     std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
     std::vector<LastGrip> last_grips;                 ///< per body and finger
+    DetailCount detail;                               ///< what was left out so far
     Series step_series;                               ///< wall time per system, one row per step
     std::unique_ptr<Hardware> hardware;               ///< null: thimbles tick in simulated time
     std::shared_ptr<LiveHands> live;                  ///< hands that fingers follow now; null: the scene's recording

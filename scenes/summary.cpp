@@ -59,6 +59,9 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
     return f;
 }
 
+/// In percent.
+double share_of(std::int64_t part, std::int64_t all) { return all > 0 ? 100.0 * double(part) / double(all) : 0; }
+
 }  // namespace
 
 Summary summarise(const Simulation& s) {
@@ -77,6 +80,7 @@ Summary summarise(const Simulation& s) {
     }
     out.skin_memory_MB = double(skin_memory_bytes(s.world)) / 1e6;
     out.crowded = s.world.crowded;
+    out.detail = s.detail;
     if (s.governor) {
         for (std::size_t p = 0; p < preset_names().size(); ++p)
             out.preset_shares.emplace_back(preset_names()[p],
@@ -142,6 +146,16 @@ std::string to_text(const Summary& s) {
             }
         out << " of the steps; " << s.preset_changes << " changes, " << s.missed_deadlines << " steps took longer\n";
     }
+    if (const DetailCount& d = s.detail; d.asleep + d.rigid + d.coarse > 0) {
+        std::snprintf(line, sizeof line, "left out: skin asleep in %.1f %%, rigid in %.1f %% of the steps of fingers",
+                      share_of(d.asleep, d.all), share_of(d.rigid, d.all));
+        out << line;
+        if (d.between > 0) {
+            std::snprintf(line, sizeof line, ", samples between nodes in %.1f %%", share_of(d.coarse, d.between));
+            out << line;
+        }
+        out << "\n";
+    }
     if (s.filter_delay_ms > 0) {
         std::snprintf(line, sizeof line, "the filter of tracked poses holds them back by %.1f ms on average\n",
                       s.filter_delay_ms);
@@ -172,6 +186,10 @@ nlohmann::json to_json(const Summary& s) {
                      {"missing_samples", s.missing_samples},
                      {"slowed_steps", s.slowed_steps},
                      {"crowded", s.crowded}};
+    if (s.detail.all > 0)
+        j["left_out"] = {{"asleep", 0.01 * share_of(s.detail.asleep, s.detail.all)},
+                         {"rigid", 0.01 * share_of(s.detail.rigid, s.detail.all)},
+                         {"between_nodes", 0.01 * share_of(s.detail.coarse, s.detail.between)}};
     for (const auto& [preset, share] : s.preset_shares) j["governor"]["presets"][preset] = share;
     if (!s.preset_shares.empty()) {
         j["governor"]["missed_deadlines"] = s.missed_deadlines;

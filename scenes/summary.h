@@ -33,6 +33,7 @@ struct Summary {
     /// Of the governor of presets: share of the steps by preset, steps over the deadline, changes; empty without one.
     std::vector<std::pair<std::string, double>> preset_shares;
     std::int64_t missed_deadlines = 0, preset_changes = 0;
+    DetailCount detail;
     double filter_delay_ms = 0;  ///< mean over samples and fingers of what filters hold poses back
     std::int64_t rejected_samples = 0, missing_samples = 0, slowed_steps = 0, crowded = 0;
     std::vector<FingerSummary> fingers;

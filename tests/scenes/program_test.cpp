@@ -41,6 +41,24 @@ TEST(Program, RunWritesEverythingItPromises) {
     EXPECT_EQ(std::count(std::istreambuf_iterator<char>(csv), {}, '\n'), 71);
 }
 
+TEST(Program, TheSummarySaysWhatDetailWasLeftOut) {
+    auto left_out = [](const std::string& settings) {
+        ScratchFolder scratch;
+        const Outcome o =
+            palpate_program("run " + scenes + "hand.toml --json --duration 0.5 --set solver.sample_refinement=2" +
+                            settings + " --out " + scratch.path.string());
+        EXPECT_EQ(o.code, 0) << o.out;
+        return nlohmann::json::parse(o.out)["left_out"];
+    };
+    const auto full = left_out(""), automatic = left_out(" --set solver.detail=auto");
+    EXPECT_EQ(full["rigid"].get<double>(), 0);
+    EXPECT_EQ(full["between_nodes"].get<double>(), 0);
+    for (const char* what : {"rigid", "between_nodes"}) {
+        EXPECT_GT(automatic[what].get<double>(), 0.02) << what;  // in the air, before the table
+        EXPECT_LT(automatic[what].get<double>(), 0.98) << what;
+    }
+}
+
 TEST(Program, BadInputIsExitCodeTwoWithAMessageAndNoOutput) {
     ScratchFolder scratch;
     const auto out = scratch.path / "out";
