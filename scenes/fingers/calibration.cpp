@@ -287,8 +287,8 @@ std::vector<CurveFit> errors_of(const std::vector<IndentationCurve>& curves, con
     return fits;
 }
 
-/// Jacobian for intervals: over a step so wide that the small jumps of an area from node to node do not pass for
-/// knowledge, central where the bounds leave room.
+/// Jacobian for intervals. The small jumps of an area from node to node must not pass for knowledge: slopes are taken
+/// over a wide step, and only as far as both sides of the fit agree on them (the smaller one; none where signs differ).
 MatrixXd wide_jacobian(Fit& fit, const VectorXd& u) {
     constexpr double step = 0.02;
     std::vector<VectorXd> points;
@@ -297,11 +297,18 @@ MatrixXd wide_jacobian(Fit& fit, const VectorXd& u) {
             points.push_back(u);
             points.back()[k] = std::clamp(u[k] + sign * step, 0.0, 1.0);
         }
+    points.push_back(u);
     const auto r = fit.residuals_at(points);
-    MatrixXd J(r[0].size(), u.size());
+    const VectorXd& here = r.back();
+    MatrixXd J(here.size(), u.size());
     for (std::ptrdiff_t k = 0; k < u.size(); ++k) {
         const auto up = std::size_t(2 * k), down = up + 1;
-        J.col(k) = (r[up] - r[down]) / (points[up][k] - points[down][k]);
+        const double above = points[up][k] - u[k], below = u[k] - points[down][k];
+        for (std::ptrdiff_t i = 0; i < here.size(); ++i) {
+            const double rise = above > 0 ? (r[up][i] - here[i]) / above : (here[i] - r[down][i]) / below;
+            const double fall = below > 0 ? (here[i] - r[down][i]) / below : rise;
+            J(i, k) = rise * fall > 0 ? (std::abs(rise) < std::abs(fall) ? rise : fall) : 0;
+        }
     }
     return J;
 }

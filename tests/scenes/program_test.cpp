@@ -45,7 +45,7 @@ TEST(Program, TheSummarySaysWhatDetailWasLeftOut) {
     auto left_out = [](const std::string& settings) {
         ScratchFolder scratch;
         const Outcome o =
-            palpate_program("run " + scenes + "hand.toml --json --duration 0.5 --set solver.sample_refinement=2" +
+            palpate_program("run " + scenes + "hand.toml --json --duration 1.3 --set solver.sample_refinement=2" +
                             settings + " --out " + scratch.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
         return nlohmann::json::parse(o.out)["left_out"];
