@@ -83,13 +83,14 @@ using References = std::map<SweepReference, ReferenceRun>;
 
 std::string short_key(const std::string& key) { return key.substr(key.rfind('.') + 1); }
 
-/// Points by the value of the axis that the first of them sets first; those that leave it as it is are one curve.
-std::string curve_of(const SweepPlan& plan, const std::vector<SweepPoint>& points, const SweepPoint& p) {
-    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i) {
-        if (points.front().values[i].empty()) continue;
-        return p.values[i].empty() ? "other settings, one by one" : short_key(plan.keys[i]) + " = " + p.values[i];
-    }
-    return "";
+/// The axis whose values are curves: that of meshes, or the first one that the first point sets.
+std::size_t axis_of_curves(const SweepPlan& plan, const SweepPoint& first) {
+    std::size_t axis = plan.keys.size();
+    for (std::size_t i = plan.keys.size() - 1; i-- > 0;)
+        if (!first.values[i].empty()) axis = i;
+    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
+        if (!first.values[i].empty() && plan.keys[i].ends_with(".elements")) axis = i;
+    return axis;
 }
 
 /// Error over a time; points below three times the reference's own uncertainty apart.
@@ -108,8 +109,10 @@ Plot work_precision(const std::vector<SweepPoint>& points, const SweepPlan& plan
     Curve below{"below 3 x uncertainty", {}, {}}, failed{"failed", {}, {}}, front{"Pareto front", {}, {}};
     below.points = failed.points = true;
     std::vector<SweepPoint> best;
+    const std::size_t axis = axis_of_curves(plan, points.front());
     for (const SweepPoint& p : points) {
-        const std::string name = curve_of(plan, points, p);
+        const std::string name =
+            p.values[axis].empty() ? "other settings, one by one" : short_key(plan.keys[axis]) + " = " + p.values[axis];
         auto curve = std::find_if(plot.curves.begin(), plot.curves.end(), [&](auto& c) { return c.name == name; });
         if (curve == plot.curves.end()) {
             plot.curves.push_back({name, {}, {}, true});
@@ -231,8 +234,10 @@ References solve_references(const SweepArguments& a, const SweepPlan& plan, cons
     for (const SweepReference kind : {SweepReference::step, SweepReference::mesh}) {
         const double finest = plan.finest_dt_ms[int(kind)];
         if (finest <= 0) continue;
-        ReferenceRequest request{a.scene, a.overrides, a.reference_dt_ms > 0 ? a.reference_dt_ms : 0.5 * finest,
-                                 period,  a.threads,   {}};
+        // What is asked for the step would take days with the finest mesh.
+        const double asked = a.reference_dt_ms, half = 0.5 * finest;
+        const double dt_ms = kind == SweepReference::mesh ? std::max(asked, half) : asked > 0 ? asked : half;
+        ReferenceRequest request{a.scene, a.overrides, dt_ms, period, a.threads, {}};
         if (!a.quiet) request.progress = [](const std::string& what) { std::fprintf(stderr, "%s\n", what.c_str()); };
         references[kind] = solve_reference(request, plan, kind, stop);
     }
@@ -314,7 +319,8 @@ Action add_sweep_command(CLI::App& program, const std::atomic<bool>& stop) {
     c->add_option("--set", a->overrides, "override a value of the scene in all runs")
         ->take_all()
         ->allow_extra_args(false);
-    c->add_option("--reference-dt-ms", a->reference_dt_ms, "step of the reference (default: half the smallest)")
+    c->add_option("--reference-dt-ms", a->reference_dt_ms,
+                  "step of the reference (default: half the smallest); of that of meshes no less than half theirs")
         ->check(CLI::Range(1e-3, 200.0));
     c->add_option("--threads", a->threads, "threads (default: all cores)")->check(CLI::Range(1, 1024));
     c->add_flag("--quiet", a->quiet, "print nothing but errors");
