@@ -12,7 +12,9 @@ namespace {
 /// Everything of a lane but its contacts, and but what the next solve writes anew.
 template <class Chunk>
 auto lane_arrays(Chunk& c) {
-    auto &r = c.rest, &s = c.state, &w = c.scratch;
+    auto& r = c.rest;
+    auto& s = c.state;
+    auto& w = c.scratch;
     return std::array{&r.shape_gradients,
                       &r.volume,
                       &r.mu,
