@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bench/generated_scene.h"
 #include "bench/pressed_finger.h"
+#include "meshes/mesh_files.h"
 #include "scenes/simulation.h"
 
 namespace palpate {
@@ -20,23 +22,29 @@ const std::vector<Trade> trades{
     {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
     {"recorded_hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
     {"recorded_grasp", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"roll", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"press", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto", "solver.detail_error=0"}},
+    {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto", "solver.detail_error=0.001"}},
+    {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto", "solver.detail_error=0.1"}},
+    {"hand", {"solver.preset=balanced", "solver.precision=float"}, {}, {"solver.detail=auto"}},
     {"edge",
      {"solver.preset=balanced", "solver.sample_refinement=3"},
      {},
-     {"solver.detail=auto", "solver.detail_penetration_mm=0.1"}},
+     {"solver.detail=auto", "solver.detail_error=0", "solver.detail_penetration_mm=0.1"}},
     {"edge",
      {"solver.preset=balanced", "solver.sample_refinement=3"},
      {},
-     {"solver.detail=auto", "solver.detail_penetration_mm=0.03"}},
+     {"solver.detail=auto", "solver.detail_error=0", "solver.detail_penetration_mm=0.03"}},
     {"edge", {"solver.preset=balanced"}, {"solver.sample_refinement=3"}, {"solver.sample_refinement=1"}},
     {"hand",
      {"solver.preset=balanced", "solver.sample_refinement=3"},
      {},
-     {"solver.detail=auto", "solver.detail_penetration_mm=0.1"}},
+     {"solver.detail=auto", "solver.detail_error=0", "solver.detail_penetration_mm=0.1"}},
     {"hand",
      {"solver.preset=balanced", "solver.sample_refinement=3"},
      {},
-     {"solver.detail=auto", "solver.detail_penetration_mm=0.03"}},
+     {"solver.detail=auto", "solver.detail_error=0", "solver.detail_penetration_mm=0.03"}},
     {"hand", {"solver.preset=balanced"}, {"solver.sample_refinement=3"}, {"solver.sample_refinement=1"}},
 };
 
@@ -46,46 +54,96 @@ Simulation simulation_of(const Trade& t, const std::vector<std::string>& own) {
     return make_simulation(load_scene(PALPATE_SOURCE_DIR "/scenes/" + std::string(t.scene) + ".toml", overrides), 1);
 }
 
-void detail_trade(benchmark::State& state) {
-    const Trade& t = trades[std::size_t(state.range(0))];
-    Simulation full = simulation_of(t, t.full), automatic = simulation_of(t, t.automatic);
+/// Two runs of a scene, step by step: how far forces of the second are off those of the first.
+struct Comparison {
     std::vector<double> of_full, of_automatic;
-    std::vector<Vec3<double>> last_off(full.fingers.size(), {0, 0, 0});
     double error = 0, force = 0, jump = 0, largest = 0;
     DetailCount states;
-    for (auto _ : state) {
-        while (full.world.time < full.scene.duration - 1e-9) {
-            advance(full), advance(automatic);
-            of_full.push_back(full.world.profile.total());
-            of_automatic.push_back(automatic.world.profile.total());
-            count_detail(automatic.world, states);
-            for (std::size_t i = 0; i < full.fingers.size(); ++i) {
-                const ContactSurface &a = full.world.contact_surfaces[i], &b = automatic.world.contact_surfaces[i];
-                for (std::size_t s = 0; s < a.force.size(); ++s) {
-                    error += norm(b.force[s] - a.force[s]);
-                    force += norm(a.force[s]);
-                }
-                const Vec3<double> off = b.total - a.total;
-                jump = std::max(jump, norm(off - last_off[i]));
-                largest = std::max(largest, norm(a.total));
-                last_off[i] = off;
+};
+Comparison compare(Simulation full, Simulation automatic) {
+    Comparison c;
+    std::vector<Vec3<double>> last_off(full.fingers.size(), {0, 0, 0});
+    while (full.world.time < full.scene.duration - 1e-9) {
+        advance(full), advance(automatic);
+        c.of_full.push_back(full.world.profile.total());
+        c.of_automatic.push_back(automatic.world.profile.total());
+        count_detail(automatic.world, c.states);
+        for (std::size_t i = 0; i < full.fingers.size(); ++i) {
+            const ContactSurface &a = full.world.contact_surfaces[i], &b = automatic.world.contact_surfaces[i];
+            for (std::size_t s = 0; s < a.force.size(); ++s) {
+                c.error += norm(b.force[s] - a.force[s]);
+                c.force += norm(a.force[s]);
             }
+            const Vec3<double> off = b.total - a.total;
+            c.jump = std::max(c.jump, norm(off - last_off[i]));
+            c.largest = std::max(c.largest, norm(a.total));
+            last_off[i] = off;
         }
     }
-    state.counters["time_ratio"] = trimmed_mean_us(of_automatic) / trimmed_mean_us(of_full);
-    state.counters["full_us"] = trimmed_mean_us(of_full);
-    state.counters["field_error"] = error / force;
-    state.counters["largest_jump_N"] = jump;
-    state.counters["largest_force_N"] = largest;
-    state.counters["rigid"] = double(states.rigid) / double(states.all);
-    state.counters["asleep"] = double(states.asleep) / double(states.all);
-    state.counters["fine"] = 1 - double(states.coarse) / double(std::max<std::int64_t>(1, states.between));
+    return c;
+}
+
+void detail_trade(benchmark::State& state) {
+    const Trade& t = trades[std::size_t(state.range(0))];
+    Comparison c;
+    for (auto _ : state) c = compare(simulation_of(t, t.full), simulation_of(t, t.automatic));
+    state.counters["time_ratio"] = trimmed_mean_us(c.of_automatic) / trimmed_mean_us(c.of_full);
+    state.counters["full_us"] = trimmed_mean_us(c.of_full);
+    state.counters["field_error"] = c.error / c.force;
+    state.counters["largest_jump_N"] = c.jump;
+    state.counters["largest_force_N"] = c.largest;
+    state.counters["rigid"] = double(c.states.rigid) / double(c.states.all);
+    state.counters["linear"] = double(c.states.linear) / double(c.states.all);
+    state.counters["asleep"] = double(c.states.asleep) / double(c.states.all);
+    state.counters["fine"] = 1 - double(c.states.coarse) / double(std::max<std::int64_t>(1, c.states.between));
     std::string label = t.scene;
     for (const auto* list : {&t.both, &t.automatic})
         for (const std::string& o : *list) label += " " + o;
     state.SetLabel(label);
 }
 BENCHMARK(detail_trade)->DenseRange(0, int(trades.size()) - 1)->Iterations(1)->Unit(benchmark::kMillisecond);
+
+/// Does the stated error hold? Forty scenes that the estimate of the error was not made by, solved to convergence:
+/// range(0): first scene; range(1): error allowed, in thousandths.
+void detail_generated(benchmark::State& state) {
+    const double allowed = 1e-3 * double(state.range(1));
+    const std::filesystem::path folder = std::filesystem::temp_directory_path() / "palpate-detail";
+    std::filesystem::create_directories(folder);
+    std::vector<double> errors, jumps, shares, of_full, of_automatic;
+    for (auto _ : state) {
+        for (int k = 0; k < 40; ++k) {
+            const auto file = folder / "scene.toml";
+            write_file(file, generated_scene(unsigned(state.range(0) + k)));
+            const std::vector<std::string> converged{"solver.preset=accurate", "solver.newton_iterations=100"};
+            std::vector<std::string> automatic = converged;
+            automatic.emplace_back("solver.detail=auto");
+            automatic.push_back("solver.detail_error=" + std::to_string(allowed));
+            const Comparison c = compare(make_simulation(load_scene(file, converged), 1),
+                                         make_simulation(load_scene(file, automatic), 1));
+            if (!(c.largest > 0.02)) continue;  // it hardly touched
+            errors.push_back(c.error / c.force);
+            jumps.push_back(c.jump / c.largest);
+            shares.push_back(double(c.states.linear) / double(c.states.all));
+            of_full.insert(of_full.end(), c.of_full.begin(), c.of_full.end());
+            of_automatic.insert(of_automatic.end(), c.of_automatic.begin(), c.of_automatic.end());
+        }
+    }
+    auto write = [&](const std::string& name, std::vector<double> v) {
+        std::sort(v.begin(), v.end());
+        state.counters[name + "_median"] = v[v.size() / 2];
+        state.counters[name + "_most"] = v.back();
+        state.counters[name + "_above"] =
+            double(std::count_if(v.begin(), v.end(), [&](double x) { return x > allowed; }));
+    };
+    write("error", errors), write("jump", jumps), write("linear", shares);
+    state.counters["scenes"] = double(errors.size());
+    state.counters["time_ratio"] = trimmed_mean_us(of_automatic) / trimmed_mean_us(of_full);
+}
+BENCHMARK(detail_generated)
+    ->ArgsProduct({{0, 40}, {3, 10, 30, 100}})
+    ->ArgNames({"first", "allowed"})
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
 
 /// Twenty fingers that press on a table, scattered over `fingers`; the others hang still in the air, or wave.
 struct Crowd {

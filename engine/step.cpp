@@ -26,7 +26,7 @@ void step(World& w, oneapi::tbb::task_arena& arena) {
     timed(w.profile.detect_contacts, [&] {
         begin_bodies(w.solver, w.time, w.shapes, w.bodies);
         w.crowded += detect_contacts(w.shapes, w.bodies, w.solver, w.double_chunks, w.float_chunks);
-        gather_lanes(w.solver, w.skins, w.double_chunks, w.float_chunks);
+        gather_lanes(w.solver, w.step, w.skins, w.double_chunks, w.float_chunks);
     });
     timed(w.profile.solve_skin, [&] { solve_skins(w.solver, arena, w.double_chunks, w.float_chunks); });
     timed(w.profile.solve_bodies, [&] {

@@ -21,9 +21,10 @@ int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bod
                     std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
 
 /// Wakes the fingers that an object has come near to, or whose target moves, and moves those that are solved together,
-/// into as few and as narrow chunks as they fit: lanes of a chunk cost the same whether solved or not.
-void gather_lanes(const SolverSettings& solver, Table<Skin>& skins, std::vector<SkinChunk<double>>& double_chunks,
-                  std::vector<SkinChunk<float>>& float_chunks);
+/// into as few and as narrow chunks as they fit: lanes of a chunk cost the same whether solved or not. `step` counts
+/// steps.
+void gather_lanes(const SolverSettings& solver, std::int64_t step, Table<Skin>& skins,
+                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks);
 
 /// One implicit step of every chunk (skin/newton.h) that is near no body, chunks in parallel.
 void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena,

@@ -12,6 +12,7 @@ void add(const Chunks& chunks, DetailCount& count) {
         count.all += std::popcount(c.used_lanes);
         count.asleep += std::popcount(c.used_lanes & c.asleep_lanes);
         count.rigid += std::popcount(c.used_lanes & c.rigid_lanes);
+        count.linear += std::popcount(active_lanes(c) & c.linear_lanes);
         if (c.topology->face_samples.empty()) continue;
         count.between += std::popcount(c.used_lanes);
         count.coarse += std::popcount(c.used_lanes & ~c.fine_lanes);

@@ -7,7 +7,7 @@ namespace palpate {
 
 /// Steps of fingers, by how they were solved.
 struct DetailCount {
-    std::int64_t all = 0, asleep = 0, rigid = 0;
+    std::int64_t all = 0, asleep = 0, rigid = 0, linear = 0;
     std::int64_t between = 0, coarse = 0;  ///< with samples between nodes; these left out
 };
 /// Adds the step that the world has just made.

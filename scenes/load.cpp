@@ -64,7 +64,9 @@ void read_solver(Section s, Scene& scene) {
     const bool automatic = s.choice("detail", "full", {"full", "auto"}) == "auto";
     const double tolerance = s.number("detail_tolerance_mm", 0.02, 1e-6, 10, mm);
     const double penetration = s.number("detail_penetration_mm", 0.1, 1e-6, 10, mm);
+    const double error = s.number("detail_error", 0.01, 0, 1);
     v.detail_tolerance = automatic ? tolerance : 0;
+    v.detail_error = automatic ? error : 0;
     v.detail_penetration = automatic ? penetration : 0;
     v.inertia = !s.boolean("static", !v.inertia);
     const bool single = s.choice("precision", "double", {"double", "float"}) == "float";

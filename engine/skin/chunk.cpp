@@ -25,6 +25,7 @@ std::vector<std::string> SolverSettings::validate() const {
     need(sample_refinement >= 1 && sample_refinement <= 8, "sample_refinement must be between 1 and 8");
     need(detail_penetration >= 0 && detail_penetration <= 1e-2, "detail_penetration must be between 0 and 10 mm");
     need(detail_tolerance >= 0 && detail_tolerance <= 1e-2, "detail_tolerance must be between 0 and 10 mm");
+    need(detail_error >= 0 && detail_error <= 1, "detail_error must be between 0 and 1");
     need(sleep_speed >= 0 && sleep_speed <= 1e-2, "sleep_speed must be between 0 and 0.01 m/s");
     return wrong;
 }
@@ -65,6 +66,10 @@ void for_each_array(Chunk& c, Visit visit) {
     auto& x = c.exchange;
     for (auto* a : {&x.centre, &x.slot_gradient, &x.slot_curvature, &x.columns, &x.body_gradient, &x.body_rhs,
                     &x.body_matrix, &x.body_step})
+        visit(*a);
+    auto& l = c.linear;
+    for (auto* a : {&l.weight, &l.frame, &l.arm, &l.force, &l.blocks, &l.energy, &l.reach, &l.bound, &l.error, &l.moved,
+                    &l.moved_force})
         visit(*a);
 }
 
@@ -120,6 +125,18 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
     make(x.body_matrix, 36 * slots * slots), make(x.body_step, 6 * slots);
 }
 
+template <class T>
+void allocate_linear_tissue(SkinChunk<T>& c) {
+    const SkinTopology& t = *c.topology;
+    LinearTissue<T>& l = c.linear;
+    l.pairs = tissue_pairs(t);
+    auto make = [&](LaneArray<T>& a, std::size_t n) { a.assign(n * std::size_t(c.width), T(0)); };
+    const auto E = t.elements.size(), N = std::size_t(t.node_count);
+    make(l.weight, E), make(l.frame, 9), make(l.arm, 3 * N), make(l.force, 3 * N), make(l.blocks, 9 * l.pairs.size());
+    make(l.energy, 1), make(l.reach, 1), make(l.bound, 1), make(l.error, 1);
+    make(l.moved, 3 * N), make(l.moved_force, 3 * N);
+}
+
 namespace {
 
 constexpr double origin_grid = 1.0 / 64;  ///< [m]; a power of two, so that moving an origin rounds little
@@ -128,6 +145,14 @@ Vec3<double> nearest_origin(const Vec3<double>& bone) {
     Vec3<double> origin;
     for (int d = 0; d < 3; ++d) origin[d] = origin_grid * std::round(bone[d] / origin_grid);
     return origin;
+}
+
+/// What a squared change of an element's deformation gradient adds to contact forces beyond their linearisation, per
+/// volume [N/m^3]. The second derivative of the corotational stress is of the size of the moduli; that of neighbours
+/// mostly cancels, and skin gives way to the rest: a tenth is what was seen to bound the error of contact forces.
+double linear_error_weight(const Eigen::Matrix3d& shape_gradients, double mu, double lambda) {
+    const Eigen::Vector3d first = -shape_gradients.colwise().sum();
+    return (mu + lambda / 2) / 10 * (shape_gradients.rowwise().norm().sum() + first.norm());
 }
 
 /// Rest data of the elements of one lane; adds up the nodes' masses.
@@ -156,6 +181,9 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
             c.rest.limit_penalty[e * W + lane] = T(p.limit_penalty_factor * E);
         }
         for (int a : tet) mass[a] += p.density * volume / 4;
+        if (!c.linear.weight.empty())
+            c.linear.weight[e * W + lane] =
+                T(volume * linear_error_weight(G, E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))));
         for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
     }
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
@@ -338,6 +366,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
 
 #define PALPATE_INSTANTIATE(T)                                                                                    \
     template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool); \
+    template void allocate_linear_tissue(SkinChunk<T>&);                                                          \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                  \
     template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                          \
     template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                 \

@@ -98,6 +98,34 @@ struct SkinScratch {
     LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation
 };
 
+/// When the tissue of a lane is linearised: in steps whose number its period divides, which is a power of two, so that
+/// lanes whose periods differ still do it in the same steps, whatever chunk they are in.
+struct LinearisingPlan {
+    int period = 2;       ///< [steps]; 1: too much moves
+    bool linear = false;  ///< the last step began linear
+};
+
+/// Tissue linearised where it was in an earlier step, per lane (linear.h); all empty where that is not allowed.
+template <class T>
+struct LinearTissue {
+    LaneArray<T> weight;       ///< [element] force error per squared change of the deformation gradient [N]
+    LaneArray<T> frame;        ///< [3x3] rotation of the bone at the place of linearisation
+    LaneArray<T> arm;          ///< [node][xyz] there, from the bone's position [m]
+    LaneArray<T> force;        ///< [node][xyz] gradient of the tissue's energy there [N]
+    LaneArray<T> blocks;       ///< [pair][3x3] and its Hessian [N/m]
+    LaneArray<T> energy;       ///< [1] there [J]
+    LaneArray<T> reach;        ///< [1] a change of a deformation gradient below this meets no strain limit
+    LaneArray<T> bound;        ///< [1] force error allowed in this step [N]
+    LaneArray<T> error;        ///< [1] force error at the last evaluation, estimated [N]
+    LaneArray<T> moved;        ///< scratch: [node][xyz] from there, turned back with the bone; zero at bone nodes
+    LaneArray<T> moved_force;  ///< scratch: [node][xyz] gradient, turned back
+    std::vector<TissuePair> pairs;
+    std::array<LinearisingPlan, 16> plan{};  ///< [lane]
+    unsigned due_lanes = 0;                  ///< bit per lane to be linearised at the next evaluation
+    unsigned fresh_lanes = 0;                ///< linearised at the last evaluation
+    unsigned kept_lanes = 0;                 ///< lanes whose linearisation still holds
+};
+
 /// Elasticity of a chunk (isotropic.h).
 enum class Material { corotational, saint_venant_kirchhoff, neo_hookean };
 
@@ -177,8 +205,10 @@ struct SolverSettings {
                                          ///< [m/s]; 0 = never
     double detail_penetration = 0;       ///< samples between nodes count only where they would be deeper in an object
                                          ///< than this [m]; 0: always
-    double detail_tolerance = 0;         ///< skin near no object, off its rest shape by less than this, moves with its
-                                         ///< bone as one [m]; 0 = never
+    double detail_error = 0;      ///< tissue stays linear while this adds no larger a force error, relative to the
+                                  ///< contact force; 0 = never
+    double detail_tolerance = 0;  ///< skin near no object, off its rest shape by less than this, moves with its
+                                  ///< bone as one [m]; 0 = never
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;
 };
@@ -202,6 +232,7 @@ struct SkinChunk {
     unsigned asleep_lanes = 0;     ///< nothing is near, and nothing moves
     unsigned rigid_lanes = 0;      ///< nothing is near: the skin moves with its bone; its positions are not kept up
     unsigned unchanged_lanes = 0;  ///< asleep, and as they were when their contact was read last
+    unsigned linear_lanes = 0;     ///< the tissue's forces are linear in the nodes' motion (linear.h)
     unsigned fine_lanes = ~0u;     ///< contact is decided between nodes, too, where the topology has such samples
     LimitActivity limits;
     std::array<double, 16> skin_mass{},
@@ -221,6 +252,7 @@ struct SkinChunk {
     SkinState<T> state;
     SkinScratch<T> scratch;
     BodyExchange<T> exchange;
+    LinearTissue<T> linear;
 };
 
 /// What one finger brings to its lane.
@@ -239,6 +271,10 @@ struct SkinParameters {
 template <class T>
 void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
                     bool has_friction, int object_count, bool has_bodies = false);
+
+/// Allocates what linear tissue needs. Where there are bodies, tissue is never linear.
+template <class T>
+void allocate_linear_tissue(SkinChunk<T>& chunk);
 
 /// Writes one finger into a lane, at rest on the bone pose `bone`.
 template <class T>

@@ -1,5 +1,6 @@
 #include "engine/skin/detail.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace palpate {
@@ -8,6 +9,9 @@ namespace {
 
 /// So long is nothing near before a skin is taken for rigid: at the edge of an object's reach it would come and go.
 constexpr int calm_enough = 20;
+
+/// Tissue is linearised again after at most so many steps, and where too much moves, tried again after so many.
+constexpr int longest_period = 64, try_again_after = 16;
 
 /// The bone, from the lane's origin.
 template <class T>
@@ -167,6 +171,32 @@ void choose_samples(SkinChunk<T>& c, const SolverSettings& settings) {
 }
 
 template <class T>
+void choose_tissue(SkinChunk<T>& c, const SolverSettings& settings, std::int64_t step) {
+    LinearTissue<T>& l = c.linear;
+    if (l.pairs.empty()) return;
+    c.linear_lanes = l.due_lanes = l.fresh_lanes = 0;
+    for (int lane = 0; lane < c.width; ++lane) {
+        const unsigned bit = 1u << lane;
+        const SkinStatus& s = c.status[std::size_t(lane)];
+        const T error = l.error[std::size_t(lane)],
+                allowed = T(settings.detail_error * std::max(s.contact_force_N, 0.01));
+        l.bound[std::size_t(lane)] = allowed;
+        if (!(active_lanes(c) & bit) || s.reset || s.limited_elements > 0) l.kept_lanes &= ~bit;
+        LinearisingPlan& plan = l.plan[std::size_t(lane)];
+        const bool kept = l.kept_lanes & bit;
+        if (plan.linear && !kept) plan.period = std::max(1, plan.period / 2);
+        const bool due = step % (plan.period > 1 ? plan.period : try_again_after) == 0;
+        if (due && plan.period == 1)
+            plan.period = 2;
+        else if (due && plan.linear && kept && 8 * error < allowed && plan.period < longest_period)
+            plan.period *= 2;  // in twice the time, four times the error
+        plan.linear = kept && !due;
+        if (plan.linear) c.linear_lanes |= bit;
+        if (due && (active_lanes(c) & bit) && !s.reset && s.limited_elements == 0) l.due_lanes |= bit;
+    }
+}
+
+template <class T>
 void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     if (!settings.inertia) return;
     const unsigned near = near_lanes(c);
@@ -181,10 +211,11 @@ void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     }
 }
 
-#define PALPATE_INSTANTIATE(T)                                          \
-    template void soften_lanes(SkinChunk<T>&, unsigned);                \
-    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);     \
-    template void choose_samples(SkinChunk<T>&, const SolverSettings&); \
+#define PALPATE_INSTANTIATE(T)                                                       \
+    template void soften_lanes(SkinChunk<T>&, unsigned);                             \
+    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);                  \
+    template void choose_samples(SkinChunk<T>&, const SolverSettings&);              \
+    template void choose_tissue(SkinChunk<T>&, const SolverSettings&, std::int64_t); \
     template void settle_lanes(SkinChunk<T>&, const SolverSettings&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)

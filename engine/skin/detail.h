@@ -2,6 +2,8 @@
 // What a finger near nothing is left out of: it sleeps where nothing moves, and moves as one with its bone where that
 // is allowed. Per lane, whatever its neighbours do.
 
+#include <cstdint>
+
 #include "engine/skin/chunk.h"
 
 namespace palpate {
@@ -18,6 +20,11 @@ void soften_lanes(SkinChunk<T>& chunk, unsigned lanes);
 /// between nodes.
 template <class T>
 void choose_samples(SkinChunk<T>& chunk, const SolverSettings& settings);
+
+/// Before the solve: lets the tissue of a lane be linear about an earlier place, or has it linearised in this step, or
+/// neither. Where all lanes of a chunk are linear, elements are left out.
+template <class T>
+void choose_tissue(SkinChunk<T>& chunk, const SolverSettings& settings, std::int64_t step);
 
 /// After the solve: puts to sleep the lanes that have come to rest, and makes rigid those whose skin has come to its
 /// rest shape, or fell asleep, as far as the settings allow it.

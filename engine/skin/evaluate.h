@@ -9,6 +9,7 @@
 #include "engine/skin/block_cholesky.h"
 #include "engine/skin/chunk.h"
 #include "engine/skin/isotropic.h"
+#include "engine/skin/linear.h"
 #include "engine/skin/progress.h"
 #include "engine/skin/samples.h"
 
@@ -91,6 +92,8 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
         for (int i = 0; i < 3; ++i) excess = maximum(maximum((s[i] - high) / high, (low - s[i]) / low), excess);
         out.violation = maximum(excess, out.violation);
     }
+    if (c.linear.due_lanes != 0)
+        for (int i = 0; i < 3; ++i) out.margin = minimum(minimum(high - s[i], s[i] - low), out.margin);
     Mat3<R> multiplier = Mat3<R>::zero();
     R largest(0);
     if (!c.limits.unloaded) {
@@ -213,6 +216,27 @@ inline void add_elements(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             add_element<want>(c, e, F, signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W])), exactness, out);
         }
     }
+}
+
+/// Tissue of all lanes: of those that are linear, linear.h.
+template <Want want, class R>
+inline void add_tissue(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
+    constexpr bool with_matrix = want == Want::forces_and_matrix;
+    if (c.linear.pairs.empty()) {
+        add_elements<want>(c, exactness, out);
+        c.limits.candidates_clear |= !c.limits.met;
+        return;
+    }
+    const Pose<R> bone = load_pose<R>(c.state.bone.data());
+    c.linear.fresh_lanes = 0;
+    if (c.linear_lanes != 0) follow_linear_tissue<R>(c, bone);
+    const bool alone = c.linear_lanes != 0 && (active_lanes(c) & ~c.linear_lanes) == 0;
+    if (!alone) {
+        add_elements<want>(c, select(mask_from_bits<R>(c.linear.due_lanes), R(1), exactness), out);
+        c.limits.candidates_clear |= !c.limits.met;
+    }
+    if (with_matrix && c.linear.due_lanes != 0) linearise_tissue(c, bone, out);
+    if (c.linear_lanes != 0) set_linear_tissue<with_matrix>(c, bone, alone, out);
 }
 
 /// Inertia of the nodes: |x - x^|^2 m / 2 dt^2.
@@ -474,7 +498,7 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     if (with_matrix) std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
     Evaluation<R> out;
     out.extent = load<R>(c.rest.extent.data());
-    detail::add_elements<want>(c, exactness, out);
+    detail::add_tissue<want>(c, exactness, out);
     if (settings.inertia) detail::add_inertia<want>(c, T(1 / (settings.dt * settings.dt)), out);
     detail::add_bone_springs<want>(c, out);
     detail::add_contacts<want>(c, exactness, out);
@@ -488,7 +512,6 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
         const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * i * W]);
         out.residual += dot(g, g);
     }
-    c.limits.candidates_clear |= !c.limits.met;
     if (c.limits.met) detail::add_pending_of_limits(c, out);
     return out;
 }

@@ -15,6 +15,7 @@ auto lane_arrays(Chunk& c) {
     auto& r = c.rest;
     auto& s = c.state;
     auto& w = c.scratch;
+    auto& l = c.linear;
     return std::array{&r.shape_gradients,
                       &r.volume,
                       &r.mu,
@@ -39,7 +40,16 @@ auto lane_arrays(Chunk& c) {
                       &s.tangled_steps,
                       &s.penalty_scale,
                       &w.bone_springs,
-                      &w.gradient};
+                      &w.gradient,
+                      &l.weight,
+                      &l.frame,
+                      &l.arm,
+                      &l.force,
+                      &l.blocks,
+                      &l.energy,
+                      &l.reach,
+                      &l.bound,
+                      &l.error};
 }
 
 template <class T>
@@ -120,6 +130,7 @@ SkinChunk<T> spare_chunk(const SkinChunk<T>& like, int width, int object_count, 
     SkinChunk<T> c;
     allocate_chunk(c, like.topology, width, like.has_limits, like.has_friction, object_count, has_bodies);
     c.material = like.material;
+    if (!like.linear.pairs.empty()) allocate_linear_tissue(c);
     auto& model = const_cast<SkinChunk<T>&>(like);
     const auto of_model = lane_arrays(model), of_spare = lane_arrays(c);
     // Lanes without a finger repeat one that has, so that their arithmetic stays finite.
@@ -138,6 +149,7 @@ template <class T>
 bool alike(const SkinChunk<T>& a, const SkinChunk<T>& b) {
     return a.topology == b.topology && a.material == b.material && a.has_limits == b.has_limits &&
            a.has_friction == b.has_friction && a.slot_capacity == b.slot_capacity &&
+           a.linear.pairs.empty() == b.linear.pairs.empty() &&
            a.rest.contact_area.empty() == b.rest.contact_area.empty() &&
            a.rest.object_friction.empty() == b.rest.object_friction.empty();
 }
@@ -162,8 +174,11 @@ bool exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
     std::swap(a.rest_reach[lane_a], b.rest_reach[lane_b]);
     std::swap(a.reach[lane_a], b.reach[lane_b]);
     for (auto bits : {&SkinChunk<T>::used_lanes, &SkinChunk<T>::asleep_lanes, &SkinChunk<T>::rigid_lanes,
-                      &SkinChunk<T>::unchanged_lanes, &SkinChunk<T>::fine_lanes})
+                      &SkinChunk<T>::unchanged_lanes, &SkinChunk<T>::fine_lanes, &SkinChunk<T>::linear_lanes})
         exchange_bit(a.*bits, lane_a, b.*bits, lane_b);
+    std::swap(a.linear.plan[lane_a], b.linear.plan[lane_b]);
+    for (auto bits : {&LinearTissue<T>::due_lanes, &LinearTissue<T>::kept_lanes})
+        exchange_bit(a.linear.*bits, lane_a, b.linear.*bits, lane_b);
     a.limits.unloaded = b.limits.unloaded = a.limits.unloaded && b.limits.unloaded;
     return true;
 }

@@ -8,8 +8,8 @@ namespace palpate {
 
 namespace {
 
-/// A move takes a tenth of a millisecond, and several where chunks are not in the cache; those that are left over come in
-/// the next steps.
+/// A move takes a tenth of a millisecond, and several where chunks are not in the cache; those that are left over come
+/// in the next steps.
 constexpr int most_moves = 4;
 
 template <class T>
@@ -67,10 +67,10 @@ void gather(std::vector<SkinChunk<T>>& chunks, Table<Skin>& skins) {
 
 }  // namespace
 
-void gather_lanes(const SolverSettings& solver, Table<Skin>& skins, std::vector<SkinChunk<double>>& double_chunks,
-                  std::vector<SkinChunk<float>>& float_chunks) {
+void gather_lanes(const SolverSettings& solver, std::int64_t step, Table<Skin>& skins,
+                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks) {
     auto choose_detail = [&](auto& chunks) {
-        for (auto& c : chunks) wake_lanes(c, solver), choose_samples(c, solver);
+        for (auto& c : chunks) wake_lanes(c, solver), choose_samples(c, solver), choose_tissue(c, solver, step);
     };
     choose_detail(double_chunks);
     choose_detail(float_chunks);

@@ -77,23 +77,25 @@ template <class R>
 inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
-    auto take = [&](LaneArray<T>& to, const LaneArray<T>& from, std::size_t begin, std::size_t count) {
+    auto take = [](LaneArray<T>& to, const LaneArray<T>& from, std::size_t begin, std::size_t count, MaskOf<R> of) {
         for (std::size_t i = begin * W; i < (begin + count) * W; i += W)
-            store<R>(&to[i], select(lanes, load<R>(&from[i]), load<R>(&to[i])));
+            store<R>(&to[i], select(of, load<R>(&from[i]), load<R>(&to[i])));
     };
     if (c.has_limits && !(c.limits.unloaded && c.limits.candidates_clear)) {
-        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
+        // Linear tissue is at no limit: its multipliers are zero, and its candidates may be older.
+        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size(),
+             lanes & !mask_from_bits<R>(c.linear_lanes));
         const bool all_lanes = (bits_from_mask<R>(lanes) & c.used_lanes) == c.used_lanes;
         c.limits.unloaded = (all_lanes || c.limits.unloaded) && c.limits.candidates_clear;
     }
     const std::size_t S = c.topology->sample_count();
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
-        take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S);
+        take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S, lanes);
         if (!c.has_friction || c.slots[slot].friction <= 0) continue;
         const R friction = detail::slot_friction<R>(c, slot);
-        take(c.state.tangential_multiplier, c.scratch.tangential_candidate, 3 * slot * S, 3 * S);
-        take(c.state.friction_normal, c.scratch.contact_normal, 3 * slot * S, 3 * S);
+        take(c.state.tangential_multiplier, c.scratch.tangential_candidate, 3 * slot * S, 3 * S, lanes);
+        take(c.state.friction_normal, c.scratch.contact_normal, 3 * slot * S, 3 * S, lanes);
         for (std::size_t i = slot * S * W; i < (slot + 1) * S * W; i += W) {
             const R radius = friction * load<R>(&c.scratch.normal_candidate[i]);
             store<R>(&c.state.friction_radius[i], select(lanes, radius, load<R>(&c.state.friction_radius[i])));
@@ -141,15 +143,19 @@ inline void move_from_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& 
 template <class R>
 inline void restore_inactive(SkinChunk<ScalarOf<R>>& c) {
     using T = ScalarOf<R>;
-    if (active_lanes(c) == c.used_lanes) return;
-    const MaskOf<R> active = mask_from_bits<R>(active_lanes(c));
-    auto restore = [&](LaneArray<T>& to, const LaneArray<T>& from) {
+    auto restore = [&](LaneArray<T>& to, const LaneArray<T>& from, unsigned solved) {
+        if (solved == c.used_lanes) return;
+        const MaskOf<R> kept = mask_from_bits<R>(solved);
         for (std::size_t i = 0; i < to.size(); i += lane_width<R>)
-            store<R>(&to[i], select(active, load<R>(&to[i]), load<R>(&from[i])));
+            store<R>(&to[i], select(kept, load<R>(&to[i]), load<R>(&from[i])));
     };
-    restore(c.state.position, c.scratch.start_position);
-    restore(c.state.bone, c.scratch.start_bone);
-    restore(c.scratch.svd, c.state.svd_guess);
+    restore(c.state.position, c.scratch.start_position, active_lanes(c));
+    restore(c.state.bone, c.scratch.start_bone, active_lanes(c));
+    // Linear tissue decomposes nothing.
+    const unsigned decomposed = active_lanes(c) & ~c.linear_lanes;
+    if (decomposed == 0) return;
+    restore(c.scratch.svd, c.state.svd_guess, decomposed);
+    std::swap(c.state.svd_guess, c.scratch.svd);
 }
 
 /// Velocities of implicit Euler from the accepted positions.
@@ -169,7 +175,6 @@ inline void end_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) 
     // Inverse of rotation_step: omega dt = 2 v / w.
     const R w = maximum(absolute(turn.w), R(T(0.1)));
     store_vec3<R>(angular, select(active, (rate / w) * shorter_twice_vector(turn), load_vec3<R>(angular)));
-    std::swap(c.state.svd_guess, c.scratch.svd);
 }
 
 /// Puts the masked lanes to rest on the target of their coupling, without multipliers.
@@ -319,8 +324,12 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     Evaluation<R> e;
     while (true) {
         const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations))));
+        const unsigned linear = c.linear_lanes;
         e = may_step ? evaluate<R>(c, settings, p.exactness)
                      : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
+        if (linear & ~c.linear_lanes)  // another potential: nothing to compare with
+            p.base_energy =
+                select(mask_from_bits<R>(linear & ~c.linear_lanes), R(std::numeric_limits<T>::max()), p.base_energy);
         detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
         if (!any(p.active)) break;
 
@@ -344,8 +353,12 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
             slope = detail::follow_contacts<R>(c, settings, d.newton & (p.exactness <= R(0)), p.exactness, e.residual,
                                                slope);
             // An indefinite matrix gives no direction: stay, and evaluate again with less exact curvature.
-            const MaskOf<R> unusable = d.newton & (p.exactness > R(0)) & ((bad_pivots > R(0)) | (slope >= R(0)));
-            p.iterations += select(unusable, R(1), R(0));
+            const MaskOf<R> exact_tissue = mask_from_bits<R>(c.linear_lanes | c.linear.fresh_lanes);
+            const MaskOf<R> nonlinear = d.newton & exact_tissue & ((bad_pivots > R(0)) | (slope > R(0)));
+            const MaskOf<R> unusable =
+                nonlinear | (d.newton & (p.exactness > R(0)) & ((bad_pivots > R(0)) | (slope >= R(0))));
+            if (any(nonlinear)) detail::give_up_linear_tissue(c, bits_from_mask<R>(nonlinear));
+            p.iterations += select(unusable & !nonlinear, R(1), R(0));
             p.base_energy = select(unusable, R(std::numeric_limits<T>::max()), p.base_energy);
             p.slope = select(unusable, R(0), p.slope);
             detail::adapt_exactness(p, unusable, d.newton & !unusable);
@@ -359,7 +372,10 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         if (any(d.newton | d.retry)) detail::move_from_base<R>(c, d.newton | d.retry, p.alpha);
     }
     p.failed = p.failed | (solved & (detail::lost_lanes<R>(c) | detail::tangled_lanes<R>(c, e, p.converged | !solved)));
-    if (any(p.failed)) detail::reset_lanes<R>(c, p.failed);
+    if (any(p.failed)) {
+        detail::give_up_linear_tissue(c, bits_from_mask<R>(p.failed));
+        detail::reset_lanes<R>(c, p.failed);
+    }
     detail::update_multipliers<R>(c, solved & !p.failed);
     detail::record_status(c, e, p);
     detail::end_step<R>(c, settings);

@@ -226,6 +226,19 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
     return t;
 }
 
+std::vector<TissuePair> tissue_pairs(const SkinTopology& t) {
+    std::map<int, TissuePair> pairs;
+    for (std::size_t e = 0; e < t.elements.size(); ++e)
+        for (int k = 0, i = 0; i < 4; ++i)
+            for (int j = 0; j <= i; ++j, ++k) {
+                const int a = t.elements[e][i], b = t.elements[e][j], block = t.element_block[e][k];
+                pairs.try_emplace(block, TissuePair{block, a, b});
+            }
+    std::vector<TissuePair> list;
+    for (const auto& [block, pair] : pairs) list.push_back(pair);
+    return list;
+}
+
 std::vector<double> nodal_areas(const TetMesh& mesh) {
     std::vector<double> area(mesh.nodes.size(), 0.0);
     auto at = [&](int i) { return Vec3<double>{mesh.nodes[i][0], mesh.nodes[i][1], mesh.nodes[i][2]}; };

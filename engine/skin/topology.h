@@ -76,6 +76,13 @@ struct SkinTopology {
     std::size_t sample_count() const { return samples.size() + face_samples.size(); }
 };
 
+/// Two nodes that share an element, a not before b, and the block of their stiffness; a = b for a node itself.
+struct TissuePair {
+    int block, a, b;
+};
+/// All of them, by block.
+std::vector<TissuePair> tissue_pairs(const SkinTopology& topology);
+
 /// `several_lanes`: for chunks of more than one lane, too. `sample_refinement`: 1 for samples at nodes alone, n for n
 /// times as many along each edge of the pad.
 SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true, int sample_refinement = 1);

@@ -17,11 +17,12 @@ struct Touches {
     std::vector<double> from, to;  ///< [finger] [step] it is pressed down
 };
 
-SceneSpec fingers_over_a_table(int fingers, bool single, double detail_tolerance) {
+SceneSpec fingers_over_a_table(int fingers, bool single, double detail_tolerance, double detail_error = 0) {
     SceneSpec spec;
     spec.solver.dt = 0.002;
     spec.solver.newton_iterations = 3;
     spec.solver.detail_tolerance = detail_tolerance;
+    spec.solver.detail_error = detail_error;
     for (int i = 0; i < fingers; ++i) {
         FingerSpec f;
         f.name = "finger" + std::to_string(i);
@@ -74,21 +75,23 @@ int solved_lanes(const World& world) {
 
 struct Case {
     bool single;
-    double detail_tolerance;
+    double detail_tolerance, detail_error;
 };
 class Gathering : public ::testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(All, Gathering,
-                         ::testing::Values(Case{false, 0}, Case{true, 0}, Case{false, 2e-5}, Case{true, 2e-5}),
+                         ::testing::Values(Case{false, 0, 0}, Case{true, 0, 0}, Case{false, 2e-5, 0},
+                                           Case{true, 2e-5, 0}, Case{false, 2e-5, 0.05}, Case{true, 2e-5, 0.05}),
                          [](const auto& i) {
                              return std::string(i.param.single ? "Float" : "Double") +
-                                    (i.param.detail_tolerance > 0 ? "Auto" : "Full");
+                                    (i.param.detail_tolerance > 0 ? "Auto" : "Full") +
+                                    (i.param.detail_error > 0 ? "Linear" : "");
                          });
 
 TEST_P(Gathering, LeavesEveryFingerTheBitsItHasAlone) {
     constexpr int fingers = 21;
-    const auto [single, tolerance] = GetParam();
+    const auto [single, tolerance, error] = GetParam();
     const Touches touches = random_touches(fingers, 3);
-    const SceneSpec spec = fingers_over_a_table(fingers, single, tolerance);
+    const SceneSpec spec = fingers_over_a_table(fingers, single, tolerance, error);
     World together = build_world(spec);
     std::vector<World> alone;
     std::vector<int> numbers;
@@ -99,7 +102,9 @@ TEST_P(Gathering, LeavesEveryFingerTheBitsItHasAlone) {
         numbers.push_back(i);
     }
     oneapi::tbb::task_arena arena(1);
-    int touching = 0, moved = 0;
+    std::vector<std::pair<int, int>> places;
+    for (const Skin& skin : together.skins) places.emplace_back(skin.chunk, skin.lane);
+    int touching = 0, moved = 0, linear = 0, beside = 0;
     for (int k = 0; k < 400; ++k) {
         advance(together, arena, k, numbers, touches);
         for (int i = 0; i < fingers; ++i) {
@@ -113,18 +118,30 @@ TEST_P(Gathering, LeavesEveryFingerTheBitsItHasAlone) {
             ASSERT_EQ(a.total.y, b.total.y) << "finger " << i << " in step " << k;
             touching += a.normal_force > 0.01;
         }
-        for (const auto& chunks = together.double_chunks; const auto& c : chunks)
-            for (int lane = 0; lane < c.width; ++lane)
-                if (c.finger[std::size_t(lane)] >= 0) moved += c.finger[std::size_t(lane)] % 8 != lane && c.width == 8;
+        auto count_linear = [&](const auto& chunks) {
+            for (const auto& c : chunks) {
+                linear += std::popcount(c.linear_lanes);
+                if (active_lanes(c) & ~c.linear_lanes) beside += std::popcount(c.linear_lanes);
+            }
+        };
+        count_linear(together.double_chunks), count_linear(together.float_chunks);
+        for (std::size_t i = 0; i < places.size(); ++i)
+            moved += places[i] != std::pair{together.skins[i].chunk, together.skins[i].lane};
     }
     EXPECT_GT(touching, 1000);
-    if (!single) { EXPECT_GT(moved, 0); }
+    if (error > 0) {
+        EXPECT_GT(linear, 1000);
+        EXPECT_GT(beside, 100) << "lanes beside others that are not linear";
+    } else {
+        EXPECT_EQ(linear, 0);
+    }
+    EXPECT_GT(moved, 0);
 }
 
 TEST_P(Gathering, SolvesFewLanesWhereFewFingersTouch) {
     constexpr int fingers = 40;
-    const auto [single, tolerance] = GetParam();
-    World world = build_world(fingers_over_a_table(fingers, single, tolerance));
+    const auto [single, tolerance, error] = GetParam();
+    World world = build_world(fingers_over_a_table(fingers, single, tolerance, error));
     const int all = int(world.skins.size());
     Touches touches;
     std::vector<int> numbers;
