@@ -90,6 +90,13 @@ struct Mat3 {
 };
 
 template <class R>
+inline Mat3<R> select(MaskOf<R> m, const Mat3<R>& a, const Mat3<R>& b) {
+    Mat3<R> c;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) c.m[i][j] = select(m, a.m[i][j], b.m[i][j]);
+    return c;
+}
+template <class R>
 inline Mat3<R> transpose(const Mat3<R>& a) {
     Mat3<R> t;
     for (int i = 0; i < 3; ++i)

@@ -68,8 +68,8 @@ void for_each_array(Chunk& c, Visit visit) {
                     &x.body_matrix, &x.body_step})
         visit(*a);
     auto& l = c.linear;
-    for (auto* a : {&l.weight, &l.frame, &l.arm, &l.force, &l.blocks, &l.energy, &l.reach, &l.bound, &l.error, &l.moved,
-                    &l.moved_force})
+    for (auto* a : {&l.weight, &l.frame, &l.arm, &l.force, &l.blocks, &l.energy, &l.watched, &l.reach, &l.bound,
+                    &l.error, &l.moved, &l.moved_force})
         visit(*a);
 }
 
@@ -133,7 +133,7 @@ void allocate_linear_tissue(SkinChunk<T>& c) {
     auto make = [&](LaneArray<T>& a, std::size_t n) { a.assign(n * std::size_t(c.width), T(0)); };
     const auto E = t.elements.size(), N = std::size_t(t.node_count);
     make(l.weight, E), make(l.frame, 9), make(l.arm, 3 * N), make(l.force, 3 * N), make(l.blocks, 9 * l.pairs.size());
-    make(l.energy, 1), make(l.reach, 1), make(l.bound, 1), make(l.error, 1);
+    make(l.energy, 1), make(l.watched, c.has_limits ? E : 0), make(l.reach, 1), make(l.bound, 1), make(l.error, 1);
     make(l.moved, 3 * N), make(l.moved_force, 3 * N);
 }
 

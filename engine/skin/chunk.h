@@ -102,6 +102,7 @@ struct SkinScratch {
 /// lanes whose periods differ still do it in the same steps, whatever chunk they are in.
 struct LinearisingPlan {
     int period = 2;       ///< [steps]; 1: too much moves
+    bool tried = false;   ///< linearised in the last step
     bool linear = false;  ///< the last step began linear
 };
 
@@ -114,7 +115,8 @@ struct LinearTissue {
     LaneArray<T> force;        ///< [node][xyz] gradient of the tissue's energy there [N]
     LaneArray<T> blocks;       ///< [pair][3x3] and its Hessian [N/m]
     LaneArray<T> energy;       ///< [1] there [J]
-    LaneArray<T> reach;        ///< [1] a change of a deformation gradient below this meets no strain limit
+    LaneArray<T> watched;      ///< [element] 1 where near a strain limit, else 0; empty without limits
+    LaneArray<T> reach;        ///< [1] a change of the others' deformation gradients below this meets no limit
     LaneArray<T> bound;        ///< [1] force error allowed in this step [N]
     LaneArray<T> error;        ///< [1] force error at the last evaluation, estimated [N]
     LaneArray<T> moved;        ///< scratch: [node][xyz] from there, turned back with the bone; zero at bone nodes

@@ -181,18 +181,19 @@ void choose_tissue(SkinChunk<T>& c, const SolverSettings& settings, std::int64_t
         const T error = l.error[std::size_t(lane)],
                 allowed = T(settings.detail_error * std::max(s.contact_force_N, 0.01));
         l.bound[std::size_t(lane)] = allowed;
-        if (!(active_lanes(c) & bit) || s.reset || s.limited_elements > 0) l.kept_lanes &= ~bit;
+        if (!(active_lanes(c) & bit) || s.reset) l.kept_lanes &= ~bit;
         LinearisingPlan& plan = l.plan[std::size_t(lane)];
         const bool kept = l.kept_lanes & bit;
-        if (plan.linear && !kept) plan.period = std::max(1, plan.period / 2);
+        if ((plan.linear || plan.tried) && !kept) plan.period = std::max(1, plan.period / 2);
         const bool due = step % (plan.period > 1 ? plan.period : try_again_after) == 0;
         if (due && plan.period == 1)
             plan.period = 2;
         else if (due && plan.linear && kept && 8 * error < allowed && plan.period < longest_period)
             plan.period *= 2;  // in twice the time, four times the error
         plan.linear = kept && !due;
+        plan.tried = due && (active_lanes(c) & bit) && !s.reset;
         if (plan.linear) c.linear_lanes |= bit;
-        if (due && (active_lanes(c) & bit) && !s.reset && s.limited_elements == 0) l.due_lanes |= bit;
+        if (plan.tried) l.due_lanes |= bit;
     }
 }
 

@@ -47,6 +47,7 @@ auto lane_arrays(Chunk& c) {
                       &l.force,
                       &l.blocks,
                       &l.energy,
+                      &l.watched,
                       &l.reach,
                       &l.bound,
                       &l.error};

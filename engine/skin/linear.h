@@ -1,12 +1,9 @@
 #pragma once
-// Tissue that is linear about where it was in an earlier step: its gradient and its Hessian are those of that place,
-// turned with the bone, so that no element is looked at. What that leaves out grows with the square of the change of
-// the deformation gradients since then.
+// Tissue whose elasticity is linear about where it was in an earlier step: its gradient and its Hessian are those of
+// that place, turned with the bone, so that no element is decomposed but those near a strain limit. What that leaves
+// out grows with the square of the change of the deformation gradients since then.
 
-#include <limits>
-
-#include "engine/ecs/pose.h"
-#include "engine/skin/progress.h"
+#include "engine/skin/elements.h"
 
 namespace palpate::detail {
 
@@ -39,8 +36,8 @@ inline void linearise_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone, con
     // A little less, for stretches are known to their rounding.
     const R reach = maximum(R(T(0.98)) * e.margin, R(0));
     keep(l.reach.data(), reach);
-    l.fresh_lanes = l.due_lanes & bits_from_mask<R>(reach > R(0));
-    l.kept_lanes = (l.kept_lanes & ~l.due_lanes) | l.fresh_lanes;
+    l.fresh_lanes = l.due_lanes;
+    l.kept_lanes |= l.due_lanes;
     l.due_lanes = 0;
 }
 
@@ -67,7 +64,7 @@ inline void follow_linear_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone)
         R squared(0);
         for (int i = 0; i < 9; ++i) squared += change.m[i / 3][i % 3] * change.m[i / 3][i % 3];
         error += load<R>(&l.weight[e * W]) * squared;
-        largest = maximum(squared, largest);
+        if (!l.watched.empty()) largest = maximum(select(load<R>(&l.watched[e * W]) > R(0), R(0), squared), largest);
     }
     store<R>(l.error.data(), error);
     const R reach = load<R>(l.reach.data());
@@ -115,6 +112,49 @@ inline void set_linear_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone, bo
     out.energy = select(linear, energy, out.energy);
     out.violation = select(linear, R(0), out.violation);
     out.limited = select(linear, R(0), out.limited);
+}
+
+/// Strain limits of the elements near one, in the masked lanes.
+template <Want want, class R>
+inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
+        const MaskOf<R> watched = lanes & (load<R>(&c.linear.watched[e * W]) > R(0));
+        if (!any(watched)) continue;
+        const Mat3<R> F = element_deformation<R>(c, e);
+        Vec3<R> g[3];
+        for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
+        add_strain_limit<want>(c, e, F, signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W])), g,
+                               load<R>(&c.rest.volume[e * W]), exactness, watched, out);
+    }
+}
+
+/// Tissue of all lanes, of each as it is to be in this step.
+template <Want want, class R>
+inline void add_tissue(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
+    constexpr bool with_matrix = want == Want::forces_and_matrix;
+    const MaskOf<R> all = R(0) <= R(0);
+    if (c.linear.pairs.empty()) {
+        add_elements<want>(c, ElementRequest<R>{all, exactness, exactness}, out);
+        c.limits.candidates_clear |= !c.limits.met;
+        return;
+    }
+    const Pose<R> bone = load_pose<R>(c.state.bone.data());
+    c.linear.fresh_lanes = 0;
+    if (c.linear_lanes != 0) follow_linear_tissue<R>(c, bone);
+    const unsigned due = c.linear.due_lanes, apart = due | c.linear_lanes;
+    if ((active_lanes(c) & ~c.linear_lanes) != 0 || apart == 0) {
+        // An exact Hessian is what forces are linear in; limits are left out of it.
+        const MaskOf<R> linearised = mask_from_bits<R>(due);
+        add_elements<want>(c,
+                           ElementRequest<R>{mask_from_bits<R>(~apart), select(linearised, R(1), exactness), exactness,
+                                             linearised, due != 0},
+                           out);
+        if (with_matrix && due != 0) linearise_tissue(c, bone, out);
+    }
+    if (c.linear_lanes != 0) set_linear_tissue<with_matrix>(c, bone, (active_lanes(c) & ~c.linear_lanes) == 0, out);
+    if (apart != 0 && c.has_limits) add_watched_limits<want>(c, mask_from_bits<R>(apart), exactness, out);
+    if (c.linear_lanes == 0) c.limits.candidates_clear |= !c.limits.met;
 }
 
 /// Lanes whose Hessian is not positive definite go on with tissue as it is.

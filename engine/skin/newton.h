@@ -72,30 +72,41 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     }
 }
 
+/// Linear tissue evaluates limits of watched elements alone: those of others bear nothing.
+template <class R>
+inline void clear_unwatched_candidates(SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W = lane_width<R>;
+    const MaskOf<R> linear = mask_from_bits<R>(c.linear_lanes);
+    for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
+        const MaskOf<R> unwatched = linear & (load<R>(&c.linear.watched[e * W]) <= R(0));
+        auto* candidate = &c.scratch.limit_candidate[9 * e * W];
+        if (any(unwatched)) store_mat3<R>(candidate, select(unwatched, Mat3<R>::zero(), load_mat3<R>(candidate)));
+    }
+}
+
 /// Copies the candidates of the last evaluation into the multipliers of the masked lanes.
 template <class R>
 inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
-    auto take = [](LaneArray<T>& to, const LaneArray<T>& from, std::size_t begin, std::size_t count, MaskOf<R> of) {
+    auto take = [&](LaneArray<T>& to, const LaneArray<T>& from, std::size_t begin, std::size_t count) {
         for (std::size_t i = begin * W; i < (begin + count) * W; i += W)
-            store<R>(&to[i], select(of, load<R>(&from[i]), load<R>(&to[i])));
+            store<R>(&to[i], select(lanes, load<R>(&from[i]), load<R>(&to[i])));
     };
     if (c.has_limits && !(c.limits.unloaded && c.limits.candidates_clear)) {
-        // Linear tissue is at no limit: its multipliers are zero, and its candidates may be older.
-        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size(),
-             lanes & !mask_from_bits<R>(c.linear_lanes));
+        if (c.linear_lanes != 0) clear_unwatched_candidates<R>(c);
+        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
         const bool all_lanes = (bits_from_mask<R>(lanes) & c.used_lanes) == c.used_lanes;
         c.limits.unloaded = (all_lanes || c.limits.unloaded) && c.limits.candidates_clear;
     }
     const std::size_t S = c.topology->sample_count();
     for (int slot = 0; slot < c.slot_capacity; ++slot) {
         if (c.slots[slot].object < 0) continue;
-        take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S, lanes);
+        take(c.state.normal_multiplier, c.scratch.normal_candidate, slot * S, S);
         if (!c.has_friction || c.slots[slot].friction <= 0) continue;
         const R friction = detail::slot_friction<R>(c, slot);
-        take(c.state.tangential_multiplier, c.scratch.tangential_candidate, 3 * slot * S, 3 * S, lanes);
-        take(c.state.friction_normal, c.scratch.contact_normal, 3 * slot * S, 3 * S, lanes);
+        take(c.state.tangential_multiplier, c.scratch.tangential_candidate, 3 * slot * S, 3 * S);
+        take(c.state.friction_normal, c.scratch.contact_normal, 3 * slot * S, 3 * S);
         for (std::size_t i = slot * S * W; i < (slot + 1) * S * W; i += W) {
             const R radius = friction * load<R>(&c.scratch.normal_candidate[i]);
             store<R>(&c.state.friction_radius[i], select(lanes, radius, load<R>(&c.state.friction_radius[i])));

@@ -220,18 +220,20 @@ TEST_P(LinearTissueIn, KeepsForcesWithinTheErrorAllowedWithoutAJump) {
     }
 }
 
-TEST_P(LinearTissueIn, IsLeftBeforeAnElementMeetsItsLimit) {
-    const Pressed full = press(0, 0.0035, GetParam()), some = press(0.3, 0.0035, GetParam());
-    int limited = 0, linear = 0;
-    for (std::size_t k = 1; k < some.forces.size(); ++k) {
+TEST_P(LinearTissueIn, KeepsStrainLimits) {
+    const Pressed full = press(0, 0.0035, GetParam()), some = press(0.01, 0.0035, GetParam());
+    int limited = 0, both = 0;
+    double most = 0, off = 0;
+    for (std::size_t k = 0; k < some.forces.size(); ++k) {
         limited += some.limited[k] > 0;
-        linear += some.linear[k];
-        EXPECT_FALSE(some.linear[k] && (some.limited[k] > 0 || some.limited[k - 1] > 0)) << "step " << k;
-        EXPECT_NEAR(norm(some.forces[k]), norm(full.forces[k]), 0.1 * norm(full.forces[k]) + 0.05) << "step " << k;
+        both += some.linear[k] && some.limited[k] > 0;
+        most = std::max(most, norm(full.forces[k]));
+        off = std::max(off, norm(some.forces[k] - full.forces[k]));
     }
     EXPECT_GT(limited, 200);
-    EXPECT_GT(linear, 100);
-    EXPECT_LT(some.violation, full.violation + 0.01);
+    EXPECT_GT(both, 100) << "steps of linear tissue with elements at limits";
+    EXPECT_LT(some.violation, full.violation + 1e-3);
+    EXPECT_LT(off, 0.01 * most);
 }
 
 TEST(LinearTissue, CostsNoMemoryWhereItIsNotAllowedOrNotPossible) {

@@ -19,7 +19,7 @@ LaneArray<double> elastic_forces(SkinChunk<double>& c) {
     Evaluation<double> out;
     std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
     std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
-    detail::add_elements<detail::Want::forces_and_matrix>(c, 0.0, out);
+    detail::add_tissue<detail::Want::forces_and_matrix>(c, 0.0, out);
     return c.scratch.gradient;
 }
 
