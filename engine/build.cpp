@@ -181,10 +181,9 @@ void prepare_bodies(World& world) {
 /// with the mesh (five of 4,000 elements are still 1.5 times as fast in shared lanes).
 constexpr std::size_t largest_shared_mesh = 6000;
 
-/// Held objects press skin against its strain limits, where tissue is not linear: with them, it would pay in one step
-/// of twenty. The error is known for corotational tissue alone.
+/// The error of linear tissue is known for corotational tissue alone.
 bool tissue_may_be_linear(const SceneSpec& spec, const Archetype& a) {
-    return spec.solver.detail_error > 0 && a.material == Material::corotational && !has_bodies(spec);
+    return spec.solver.detail_error > 0 && a.material == Material::corotational;
 }
 
 template <class T>

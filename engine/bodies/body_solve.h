@@ -24,7 +24,8 @@ struct Island {
     detail::LaneDecision<double> decision;
     double rounding = 0, surprise = 0, slope = 0, first_slope = 0, bad_pivots = 0;
     bool following = false;
-    std::vector<int> bodies;  ///< rows
+    bool left_linear = false;  ///< its matrix was not positive definite with linear tissue
+    std::vector<int> bodies;   ///< rows
 };
 
 struct BodySolve {

@@ -56,6 +56,10 @@ void evaluate_all(Work& w, bool with_matrix) {
                   [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
     for_each_chunk(w, active,
                    [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver, with_matrix); });
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (active(i) && ((c.linear.left_lanes >> lane) & 1u))  // nothing to compare energies with
+            i.progress.base_energy = std::numeric_limits<double>::max();
+    });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
         Island& i = s.islands[s.bodies[b].island];
         if (!active(i)) continue;
@@ -260,6 +264,18 @@ void follow_contacts(Work& w) {
         }
 }
 
+/// Islands whose matrix is not positive definite with linear tissue go on with tissue as it is.
+void leave_indefinite_tissue(Work& w) {
+    for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].left_linear = false;
+    for_each_lane(w, [](auto& c, int lane, Island& i) {
+        const bool linear = ((c.linear_lanes | c.linear.fresh_lanes) >> lane) & 1u;
+        i.left_linear |= linear && i.decision.newton && (i.bad_pivots > 0 || i.slope > 0);
+    });
+    for_each_lane(w, [](auto& c, int lane, const Island& i) {
+        if (i.left_linear) leave_linear_tissue(c, 1u << lane);
+    });
+}
+
 void newton_step(Work& w) {
     BodySolve& s = w.s;
     auto newton = [](const Island& i) { return bool(i.decision.newton); };
@@ -276,12 +292,13 @@ void newton_step(Work& w) {
     });
     solve_direction(w, newton, true);
     if (w.solver.contact_iterations > 0) follow_contacts(w);
+    leave_indefinite_tissue(w);
     for (int i = 0; i < s.island_count; ++i) {
         Island& island = s.islands[i];
         if (!newton(island)) continue;
         detail::LaneProgress<double>& p = island.progress;
-        const bool unusable = p.exactness > 0 && (island.bad_pivots > 0 || island.slope >= 0);
-        p.iterations += 1;
+        const bool unusable = island.left_linear || (p.exactness > 0 && (island.bad_pivots > 0 || island.slope >= 0));
+        p.iterations += island.left_linear ? 0 : 1;
         detail::adapt_exactness<double>(p, unusable, !unusable);
         p.base_energy = unusable ? std::numeric_limits<double>::max() : island.evaluation.energy;
         p.slope = unusable ? 0 : island.slope;

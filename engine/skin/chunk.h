@@ -125,6 +125,7 @@ struct LinearTissue {
     std::array<LinearisingPlan, 16> plan{};  ///< [lane]
     unsigned due_lanes = 0;                  ///< bit per lane to be linearised at the next evaluation
     unsigned fresh_lanes = 0;                ///< linearised at the last evaluation
+    unsigned left_lanes = 0;                 ///< went on with tissue as it is at the last evaluation: another potential
     unsigned kept_lanes = 0;                 ///< lanes whose linearisation still holds
 };
 
@@ -274,7 +275,7 @@ template <class T>
 void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
                     bool has_friction, int object_count, bool has_bodies = false);
 
-/// Allocates what linear tissue needs. Where there are bodies, tissue is never linear.
+/// Allocates what linear tissue needs.
 template <class T>
 void allocate_linear_tissue(SkinChunk<T>& chunk);
 
@@ -324,6 +325,14 @@ void place_slots(SkinChunk<T>& chunk);
 template <class T>
 unsigned active_lanes(const SkinChunk<T>& c) {
     return c.used_lanes & ~(c.asleep_lanes | c.rigid_lanes);
+}
+
+/// The lanes go on with tissue as it is.
+template <class T>
+void leave_linear_tissue(SkinChunk<T>& c, unsigned lanes) {
+    c.linear_lanes &= ~lanes;
+    c.linear.kept_lanes &= ~lanes;
+    c.linear.fresh_lanes &= ~lanes;
 }
 
 /// Bits of the lanes that something is near to.

@@ -349,7 +349,10 @@ template <class R>
 unsigned coupled_end(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, unsigned failed) {
     const MaskOf<R> solved = mask_from_bits<R>(active_lanes(c));
     const MaskOf<R> lost = solved & (mask_from_bits<R>(failed) | detail::lost_lanes<R>(c));
-    if (any(lost)) detail::reset_lanes<R>(c, lost);
+    if (any(lost)) {
+        leave_linear_tissue(c, bits_from_mask<R>(lost));
+        detail::reset_lanes<R>(c, lost);
+    }
     detail::update_multipliers<R>(c, solved & !lost);
     detail::end_step<R>(c, settings);
     return bits_from_mask<R>(lost);

@@ -69,8 +69,8 @@ inline void follow_linear_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone)
     store<R>(l.error.data(), error);
     const R reach = load<R>(l.reach.data());
     const unsigned within = bits_from_mask<R>((error <= load<R>(l.bound.data())) & (largest <= reach * reach));
-    l.kept_lanes &= ~(c.linear_lanes & ~within);
-    c.linear_lanes &= within;
+    l.left_lanes = c.linear_lanes & ~within;
+    leave_linear_tissue(c, l.left_lanes);
 }
 
 /// Energy, gradient and, where wanted, Hessian of linear tissue, into the linear lanes of the evaluation; `alone` where
@@ -140,7 +140,7 @@ inline void add_tissue(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation
         return;
     }
     const Pose<R> bone = load_pose<R>(c.state.bone.data());
-    c.linear.fresh_lanes = 0;
+    c.linear.fresh_lanes = c.linear.left_lanes = 0;
     if (c.linear_lanes != 0) follow_linear_tissue<R>(c, bone);
     const unsigned due = c.linear.due_lanes, apart = due | c.linear_lanes;
     if ((active_lanes(c) & ~c.linear_lanes) != 0 || apart == 0) {
@@ -155,14 +155,6 @@ inline void add_tissue(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation
     if (c.linear_lanes != 0) set_linear_tissue<with_matrix>(c, bone, (active_lanes(c) & ~c.linear_lanes) == 0, out);
     if (apart != 0 && c.has_limits) add_watched_limits<want>(c, mask_from_bits<R>(apart), exactness, out);
     if (c.linear_lanes == 0) c.limits.candidates_clear |= !c.limits.met;
-}
-
-/// Lanes whose Hessian is not positive definite go on with tissue as it is.
-template <class T>
-inline void give_up_linear_tissue(SkinChunk<T>& c, unsigned lanes) {
-    c.linear_lanes &= ~lanes;
-    c.linear.kept_lanes &= ~lanes;
-    c.linear.fresh_lanes &= ~lanes;
 }
 
 }  // namespace palpate::detail

@@ -335,12 +335,11 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     Evaluation<R> e;
     while (true) {
         const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations))));
-        const unsigned linear = c.linear_lanes;
         e = may_step ? evaluate<R>(c, settings, p.exactness)
                      : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
-        if (linear & ~c.linear_lanes)  // another potential: nothing to compare with
+        if (c.linear.left_lanes != 0)  // nothing to compare energies with
             p.base_energy =
-                select(mask_from_bits<R>(linear & ~c.linear_lanes), R(std::numeric_limits<T>::max()), p.base_energy);
+                select(mask_from_bits<R>(c.linear.left_lanes), R(std::numeric_limits<T>::max()), p.base_energy);
         detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
         if (!any(p.active)) break;
 
@@ -368,7 +367,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
             const MaskOf<R> nonlinear = d.newton & exact_tissue & ((bad_pivots > R(0)) | (slope > R(0)));
             const MaskOf<R> unusable =
                 nonlinear | (d.newton & (p.exactness > R(0)) & ((bad_pivots > R(0)) | (slope >= R(0))));
-            if (any(nonlinear)) detail::give_up_linear_tissue(c, bits_from_mask<R>(nonlinear));
+            if (any(nonlinear)) leave_linear_tissue(c, bits_from_mask<R>(nonlinear));
             p.iterations += select(unusable & !nonlinear, R(1), R(0));
             p.base_energy = select(unusable, R(std::numeric_limits<T>::max()), p.base_energy);
             p.slope = select(unusable, R(0), p.slope);
@@ -384,7 +383,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     }
     p.failed = p.failed | (solved & (detail::lost_lanes<R>(c) | detail::tangled_lanes<R>(c, e, p.converged | !solved)));
     if (any(p.failed)) {
-        detail::give_up_linear_tissue(c, bits_from_mask<R>(p.failed));
+        leave_linear_tissue(c, bits_from_mask<R>(p.failed));
         detail::reset_lanes<R>(c, p.failed);
     }
     detail::update_multipliers<R>(c, solved & !p.failed);
