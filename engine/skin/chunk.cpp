@@ -304,6 +304,13 @@ SlotOrder occupied_slots(const SkinChunk<T>& c) {
 }
 
 template <class T>
+void leave_linear_tissue(SkinChunk<T>& c, unsigned lanes) {
+    c.linear_lanes &= ~lanes;
+    c.linear.kept_lanes &= ~lanes;
+    c.linear.fresh_lanes &= ~lanes;
+}
+
+template <class T>
 void rebase_lane(SkinChunk<T>& c, int lane) {
     const int W = c.width;
     bool far = false;
@@ -372,6 +379,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                 \
     template void place_slots(SkinChunk<T>&);                                                                     \
     template SlotOrder occupied_slots(const SkinChunk<T>&);                                                       \
+    template void leave_linear_tissue(SkinChunk<T>&, unsigned);                                                   \
     template void rebase_lane(SkinChunk<T>&, int);                                                                \
     template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \
     template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                           \

@@ -298,12 +298,6 @@ struct SlotOrder {
 template <class T>
 SlotOrder occupied_slots(const SkinChunk<T>& chunk);
 
-/// Samples that count in some lane: those at nodes come first.
-template <class T>
-std::size_t samples_in_use(const SkinChunk<T>& c) {
-    return (c.fine_lanes & c.used_lanes) ? c.topology->sample_count() : c.topology->samples.size();
-}
-
 /// Gives a lane its own coefficient of friction against an object, one of `objects`; the others keep theirs.
 template <class T>
 void set_lane_friction(SkinChunk<T>& chunk, int lane, int object, double friction, const std::vector<double>& objects);
@@ -329,11 +323,7 @@ unsigned active_lanes(const SkinChunk<T>& c) {
 
 /// The lanes go on with tissue as it is.
 template <class T>
-void leave_linear_tissue(SkinChunk<T>& c, unsigned lanes) {
-    c.linear_lanes &= ~lanes;
-    c.linear.kept_lanes &= ~lanes;
-    c.linear.fresh_lanes &= ~lanes;
-}
+void leave_linear_tissue(SkinChunk<T>& chunk, unsigned lanes);
 
 /// Bits of the lanes that something is near to.
 template <class T>

@@ -54,7 +54,7 @@ inline void add_body_gradients(SkinChunk<ScalarOf<R>>& c) {
             for (int l = 0; l < W; ++l)
                 c.exchange.centre[(3 * slot + d) * W + l] = ScalarOf<R>(centre[d] - c.state.origin[d * W + l]);
         Vec3<R> force{R(0), R(0), R(0)}, torque = force;
-        for (std::size_t i = 0; i < samples_in_use(c); ++i) {
+        for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
             const Vec3<R> x = at_sample<R>(t, c.state.position.data(), i);
             const Vec3<R> g = load_vec3<R>(&c.exchange.slot_gradient[3 * (slot * t.sample_count() + i) * W]);
             force -= g;
@@ -85,7 +85,7 @@ inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
         R C[6][6];
         for (auto& row : C)
             for (R& value : row) value = R(0);
-        for (std::size_t i = 0; i < samples_in_use(c); ++i) {
+        for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
             const std::size_t s = slot * t.sample_count() + i;
             const Mat3<R> K = load_mat3<R>(&c.exchange.slot_curvature[9 * s * W]);
             if (!any(K[0][0] + K[1][1] + K[2][2] > R(0))) continue;
@@ -288,7 +288,7 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
     std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
     std::fill(c.scratch.sample_residual.begin(), c.scratch.sample_residual.end(), T(0));
     const SlotOrder slots = occupied_slots(c);
-    for (std::size_t i = 0; i < samples_in_use(c); ++i) {
+    for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
         if (!is_free_sample(t, i)) continue;
         const Vec3<R> base = at_sample<R>(t, c.state.position.data(), i);
         const Vec3<R> x = base + at_sample<R>(t, c.scratch.direction.data(), i);
@@ -331,7 +331,7 @@ void coupled_surprise(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         store_vec3<R>(&c.scratch.sample_residual[i * W3], residual);
     }
     std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
-    for (std::size_t i = 0; i < samples_in_use(c); ++i)
+    for (std::size_t i = 0; i < samples_in_use<R>(c); ++i)
         if (is_free_sample(t, i))
             add_at_free_sample<R>(t, c.scratch.permuted.data(), i, -load_vec3<R>(&c.scratch.sample_residual[i * W3]));
     detail::report<R>(c, &LaneReport::surprise, squared);

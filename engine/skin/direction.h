@@ -84,7 +84,7 @@ inline R contact_surprise(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
     const SkinTopology& t = *c.topology;
     R squared(0);
     const SlotOrder slots = occupied_slots(c);
-    for (std::size_t s = 0; s < samples_in_use(c); ++s) {
+    for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
         if (!is_free_sample(t, s)) continue;
         const Vec3<R> x = at_sample<R>(t, c.state.position.data(), s) + at_sample<R>(t, c.scratch.direction.data(), s);
         Vec3<R> gradient{R(0), R(0), R(0)};
@@ -130,7 +130,7 @@ inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settin
         if (!any(lanes)) break;
         factor_matrix<R>(c);
         std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
-        for (std::size_t s = 0; s < samples_in_use(c); ++s)
+        for (std::size_t s = 0; s < samples_in_use<R>(c); ++s)
             if (is_free_sample(t, s))
                 add_at_free_sample<R>(t, c.scratch.permuted.data(), s,
                                       -load_vec3<R>(&c.scratch.sample_residual[s * W3]));

@@ -207,7 +207,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     for (const int slot : occupied_slots(c)) {
         const SlotFrame<R> frame = slot_frame<R>(c, slot);
         const R friction = slot_friction<R>(c, slot);
-        for (std::size_t s = 0; s < samples_in_use(c); ++s) {
+        for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
             const std::size_t i = slot * t.sample_count() + s;
             const SampleContact<R> contact =
                 sample_contact<R>(c, slot, frame, s, at_sample<R>(t, c.state.position.data(), s), exactness);

@@ -3,9 +3,15 @@
 // of three nodes (SkinTopology::face_samples).
 
 #include "engine/ecs/linear.h"
-#include "engine/skin/topology.h"
+#include "engine/skin/chunk.h"
 
 namespace palpate {
+
+/// Samples that count in some lane: those at nodes come first.
+template <class R>
+inline std::size_t samples_in_use(const SkinChunk<ScalarOf<R>>& c) {
+    return (c.fine_lanes & c.used_lanes) ? c.topology->sample_count() : c.topology->samples.size();
+}
 
 /// Value of a nodal array [node][xyz] at a sample.
 template <class R>

@@ -311,7 +311,7 @@ TEST(View, ShowsARunThatObeys) {
         if (browser_is_installed()) {
             std::string page;
             // A browser that draws in software takes its time where both cores are busy.
-            for (int wait = 4000; wait <= 32000 && std::atoi(attribute(page, "data-frames").c_str()) < 1; wait *= 2)
+            for (int wait = 4000; wait <= 64000 && std::atoi(attribute(page, "data-frames").c_str()) < 1; wait *= 2)
                 page = shell(browser + "--timeout=" + std::to_string(wait) +
                              " --virtual-time-budget=20000 'http://127.0.0.1:" + std::to_string(port) + "/'");
             EXPECT_EQ(attribute(page, "data-error"), "");
