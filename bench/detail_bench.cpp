@@ -19,15 +19,25 @@ struct Trade {
     std::vector<std::string> both, full, automatic;
 };
 const std::vector<Trade> trades{
+    {"press", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"roll", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
     {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
     {"recorded_hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"pinch", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"hold_ball", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"hold_mug", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"two_hands", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
     {"recorded_grasp", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
-    {"roll", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
-    {"press", {"solver.preset=balanced"}, {}, {"solver.detail=auto"}},
+    {"press", {"solver.preset=reference"}, {}, {"solver.detail=auto"}},
+    {"roll", {"solver.preset=reference"}, {}, {"solver.detail=auto"}},
+    {"hand", {"solver.preset=reference"}, {}, {"solver.detail=auto"}},
+    {"pinch", {"solver.preset=reference"}, {}, {"solver.detail=auto"}},
+    {"hold_ball", {"solver.preset=reference"}, {}, {"solver.detail=auto"}},
     {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto", "solver.detail_error=0"}},
     {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto", "solver.detail_error=0.001"}},
     {"hand", {"solver.preset=balanced"}, {}, {"solver.detail=auto", "solver.detail_error=0.1"}},
     {"hand", {"solver.preset=balanced", "solver.precision=float"}, {}, {"solver.detail=auto"}},
+    {"hand", {"solver.preset=balanced", "dt_ms=1"}, {}, {"solver.detail=auto"}},
     {"edge",
      {"solver.preset=balanced", "solver.sample_refinement=3"},
      {},
@@ -58,10 +68,13 @@ Simulation simulation_of(const Trade& t, const std::vector<std::string>& own) {
 struct Comparison {
     std::vector<double> of_full, of_automatic;
     double error = 0, force = 0, jump = 0, largest = 0;
+    double full_MB = 0, automatic_MB = 0;
     DetailCount states;
 };
 Comparison compare(Simulation full, Simulation automatic) {
     Comparison c;
+    c.full_MB = 1e-6 * double(skin_memory_bytes(full.world));
+    c.automatic_MB = 1e-6 * double(skin_memory_bytes(automatic.world));
     std::vector<Vec3<double>> last_off(full.fingers.size(), {0, 0, 0});
     while (full.world.time < full.scene.duration - 1e-9) {
         advance(full), advance(automatic);
@@ -89,6 +102,14 @@ void detail_trade(benchmark::State& state) {
     for (auto _ : state) c = compare(simulation_of(t, t.full), simulation_of(t, t.automatic));
     state.counters["time_ratio"] = trimmed_mean_us(c.of_automatic) / trimmed_mean_us(c.of_full);
     state.counters["full_us"] = trimmed_mean_us(c.of_full);
+    auto p99 = [](std::vector<double> seconds) {
+        std::sort(seconds.begin(), seconds.end());
+        return 1e6 * seconds[seconds.size() * 99 / 100];
+    };
+    state.counters["full_p99_us"] = p99(c.of_full);
+    state.counters["p99_us"] = p99(c.of_automatic);
+    state.counters["full_MB"] = c.full_MB;
+    state.counters["MB"] = c.automatic_MB;
     state.counters["field_error"] = c.error / c.force;
     state.counters["largest_jump_N"] = c.jump;
     state.counters["largest_force_N"] = c.largest;

@@ -146,9 +146,10 @@ std::string to_text(const Summary& s) {
             }
         out << " of the steps; " << s.preset_changes << " changes, " << s.missed_deadlines << " steps took longer\n";
     }
-    if (const DetailCount& d = s.detail; d.asleep + d.rigid + d.coarse > 0) {
-        std::snprintf(line, sizeof line, "left out: skin asleep in %.1f %%, rigid in %.1f %% of the steps of fingers",
-                      share_of(d.asleep, d.all), share_of(d.rigid, d.all));
+    if (const DetailCount& d = s.detail; d.asleep + d.rigid + d.linear + d.coarse > 0) {
+        std::snprintf(line, sizeof line,
+                      "left out: skin asleep in %.1f %%, rigid in %.1f %%, linear in %.1f %% of the steps of fingers",
+                      share_of(d.asleep, d.all), share_of(d.rigid, d.all), share_of(d.linear, d.all));
         out << line;
         if (d.between > 0) {
             std::snprintf(line, sizeof line, ", samples between nodes in %.1f %%", share_of(d.coarse, d.between));
@@ -189,6 +190,7 @@ nlohmann::json to_json(const Summary& s) {
     if (s.detail.all > 0)
         j["left_out"] = {{"asleep", 0.01 * share_of(s.detail.asleep, s.detail.all)},
                          {"rigid", 0.01 * share_of(s.detail.rigid, s.detail.all)},
+                         {"linear", 0.01 * share_of(s.detail.linear, s.detail.all)},
                          {"between_nodes", 0.01 * share_of(s.detail.coarse, s.detail.between)}};
     for (const auto& [preset, share] : s.preset_shares) j["governor"]["presets"][preset] = share;
     if (!s.preset_shares.empty()) {
