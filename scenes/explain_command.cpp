@@ -114,6 +114,26 @@ void measure(Simulation& s, const std::atomic<bool>& stop) {
     }
 }
 
+/// What is left out while the scene runs, where it adds little.
+void explain_detail(const Simulation& s) {
+    const SolverSettings& v = s.world.solver;
+    if (v.detail_error <= 0 && v.detail_tolerance <= 0 && v.detail_penetration <= 0)
+        return line(false, "  less detail", "all fingers in full, unless asleep: set detail = \"auto\" in [solver]");
+    std::vector<std::string> linear;
+    for (std::size_t i = 0; i < s.fingers.size(); ++i)
+        if (v.detail_error > 0 && s.scene.spec.fingers[i].material == Material::corotational)
+            linear.push_back(s.scene.spec.fingers[i].name);
+    char text[160];
+    std::snprintf(text, sizeof text, ", while it adds at most %.3g %% of the contact force", 100 * v.detail_error);
+    line(!linear.empty(), "  linear tissue",
+         linear.empty() ? "needs detail_error above 0 and corotational tissue" : "of " + joined(linear) + text);
+    std::snprintf(text, sizeof text, "near nothing, within %.3g mm of its rest shape", 1e3 * v.detail_tolerance);
+    line(v.detail_tolerance > 0, "  rigid skin", text);
+    if (v.sample_refinement <= 1) return;
+    std::snprintf(text, sizeof text, "left out while they would be less than %.3g mm deep", 1e3 * v.detail_penetration);
+    line(v.detail_penetration > 0, "  fine samples", text);
+}
+
 int explain(const std::string& file, const std::vector<std::string>& overrides, bool measured,
             const std::atomic<bool>& stop) {
     Simulation s = make_simulation(load_scene(file, overrides), 1);
@@ -148,6 +168,7 @@ int explain(const std::string& file, const std::vector<std::string>& overrides, 
          rubbing.empty() ? "no object has friction: add friction = 0.5" : "on " + joined(rubbing));
     line(!moving.empty(), "  moving objects",
          moving.empty() ? "no script moves an object: add [[object.track]] keyframes" : joined(moving));
+    explain_detail(s);
     line(!bodies.empty(), "solve_bodies",
          bodies.empty() ? "forces move no object: add mass_g to one" : joined(bodies) + ", with the fingers near them");
     line(true, "extract_contact", "touching samples, forces and area per pad");

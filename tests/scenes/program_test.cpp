@@ -110,6 +110,10 @@ TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
     EXPECT_EQ(o.code, 0);
     EXPECT_NE(o.out.find("not built    friction"), std::string::npos) << o.out;
     EXPECT_NE(o.out.find("match_devices    for index"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("not built    less detail"), std::string::npos) << o.out;
+    const Outcome automatic = palpate_program("explain " + scenes + "press.toml --set solver.detail=auto");
+    EXPECT_NE(automatic.out.find("built        linear tissue  of index, while it adds at most 1 %"), std::string::npos)
+        << automatic.out;
 }
 
 TEST(Program, InterruptedRunsEndInTheRestPoseWithResults) {
