@@ -11,7 +11,10 @@ cmake --build build/clang --target palpate
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 for scene in press edge ball soft_ball roll hand pinch egg pen hold_ball hold_mug two_hands; do
-    build/release/palpate run "scenes/$scene.toml" --quiet --out "$folder/out" --record "$folder/$scene.palpate"
-    printf '%s: ' "$scene"
-    build/clang/palpate replay "$folder/$scene.palpate"
+    for detail in full auto; do
+        build/release/palpate run "scenes/$scene.toml" --quiet --out "$folder/out" --set "solver.detail=$detail" \
+            --record "$folder/$scene.palpate"
+        printf '%s, detail %s: ' "$scene" "$detail"
+        build/clang/palpate replay "$folder/$scene.palpate"
+    done
 done
