@@ -150,7 +150,7 @@ inline void move_from_base(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& 
 }
 
 /// Puts the lanes that the step leaves out back where they were: whether their neighbours are solved makes no
-/// difference to them.
+/// difference to them. Decompositions of the others become the next step's first guesses.
 template <class R>
 inline void restore_inactive(SkinChunk<ScalarOf<R>>& c) {
     using T = ScalarOf<R>;
