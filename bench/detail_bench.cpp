@@ -9,7 +9,7 @@
 #include "bench/generated_scene.h"
 #include "bench/pressed_finger.h"
 #include "meshes/mesh_files.h"
-#include "scenes/simulation.h"
+#include "scenes/run/simulation.h"
 
 namespace palpate {
 namespace {

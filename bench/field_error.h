@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "engine/ecs/linear.h"
+#include "engine/math/linear_algebra.h"
 
 namespace palpate {
 

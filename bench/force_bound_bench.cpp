@@ -9,7 +9,7 @@
 #include <cmath>
 
 #include "engine/build.h"
-#include "scenes/simulation.h"
+#include "scenes/run/simulation.h"
 
 namespace palpate {
 namespace {

@@ -12,9 +12,9 @@
 #include <cstdio>
 #include <random>
 
-#include "scenes/recording/series.h"
 #include "scenes/recording/svg.h"
-#include "scenes/simulation.h"
+#include "scenes/run/series.h"
+#include "scenes/run/simulation.h"
 
 namespace palpate {
 namespace {

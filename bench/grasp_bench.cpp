@@ -9,7 +9,7 @@
 #include <random>
 
 #include "meshes/surface.h"
-#include "scenes/summary.h"
+#include "scenes/run/summary.h"
 
 namespace palpate {
 namespace {

@@ -1,7 +1,7 @@
 // Do the presets' errors hold on scenes that were not used to state them? Twice forty generated scenes, a finger each
 // of a random size and tissue, pressed on and moved over a random object, with every preset against the converged
-// reference at half the time step: the README states what holds for 38 of the first forty, the second forty check it.
-// Writes holdout.csv, a row per scene.
+// reference at half the time step: bench/README.md states what holds for 38 of the first forty, the second forty check
+// it. Writes holdout.csv, a row per scene.
 
 #include <benchmark/benchmark.h>
 #include <oneapi/tbb/parallel_for.h>
@@ -13,7 +13,7 @@
 
 #include "bench/generated_scene.h"
 #include "meshes/mesh_files.h"
-#include "scenes/sweep.h"
+#include "scenes/studies/sweep.h"
 
 namespace palpate {
 namespace {

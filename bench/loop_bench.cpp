@@ -7,7 +7,7 @@
 #include <cmath>
 #include <map>
 
-#include "scenes/simulation.h"
+#include "scenes/run/simulation.h"
 
 namespace palpate {
 namespace {

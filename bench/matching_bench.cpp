@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "devices/matching.h"
+#include "devices/matching/matching.h"
 
 namespace palpate {
 namespace {

@@ -14,7 +14,7 @@
 #include "engine/build.h"
 #include "engine/step.h"
 #include "engine/systems.h"
-#include "scenes/finger_mesh.h"
+#include "scenes/load/finger_mesh.h"
 
 namespace palpate::methods {
 namespace {
@@ -129,11 +129,10 @@ Outcome run(const Task& task, double dt, int substeps, const std::function<void(
             world.tracker_poses[0].incoming = {
                 {{at.x, at.y, 2e-5 - lowest + at.z}, Quaternion<double>::identity()}, t, true};
             if (method) {
-                read_trackers(world.tracker_poses, world.pose_filters);
-                couple(world.tracker_poses, world.solver, world.skins, world.couplings, world.double_chunks,
-                       world.float_chunks);
+                read_trackers(world.solver.dt, world.tracker_poses, world.pose_filters);
+                couple(world.tracker_poses, world.solver, world.skins, world.couplings, world.chunks);
                 const auto start = std::chrono::steady_clock::now();
-                method->step(world.double_chunks[0], world.solver);
+                method->step(world.chunks.doubles[0], world.solver);
                 seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
             } else {
                 step(world, arena);
@@ -141,7 +140,7 @@ Outcome run(const Task& task, double dt, int substeps, const std::function<void(
             }
         }
         out.forces.push_back(method ? method->force : world.contact_surfaces[0].force);
-        out.violation = std::max(out.violation, violation_of(world.double_chunks[0], task.constraints));
+        out.violation = std::max(out.violation, violation_of(world.chunks.doubles[0], task.constraints));
     }
     out.us_per_step = 1e6 * seconds / steps;
     return out;

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "scenes/finger_mesh.h"
+#include "scenes/load/finger_mesh.h"
 
 namespace palpate {
 

@@ -12,8 +12,8 @@
 #include "bench/field_error.h"
 #include "bench/pressed_finger.h"
 #include "engine/build.h"
-#include "engine/skin/kernels.h"
-#include "engine/skin/solve_skin.h"
+#include "engine/skin/solve/kernels.h"
+#include "engine/skin/solve/solve_skin.h"
 #include "engine/step.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 
 #include "engine/build.h"
 #include "engine/step.h"
-#include "scenes/finger_mesh.h"
+#include "scenes/load/finger_mesh.h"
 #include "scenes/recording/svg.h"
 
 namespace palpate {

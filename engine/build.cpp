@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <sstream>
 #include <stdexcept>
 
-#include "engine/skin/kernels.h"
-#include "engine/skin/solve_skin.h"
+#include "engine/bodies/islands.h"
+#include "engine/skin/solve/kernels.h"
+#include "engine/skin/solve/solve_skin.h"
 
 namespace palpate {
 
@@ -28,38 +30,45 @@ std::vector<std::string> SceneSpec::validate() const {
                              });
                          }),
              who + "all its nodes are bone nodes: nothing is left to deform");
-        need(f.young_modulus >= 1 && f.young_modulus <= 1e9,
-             who + "Young's modulus must be between 0.001 and 1000000 kPa");
-        need(f.poisson_ratio >= 0 && f.poisson_ratio < 0.49995,
-             who + "Poisson's ratio must be at least 0 and below 0.49995");
-        need(f.density >= 1 && f.density <= 1e5, who + "the density must be between 1 and 100000 kg/m^3");
+        auto within = [&](const std::string& what, double value, const Range& bounds, const char* unit) {
+            if (bounds.holds(value)) return;
+            std::ostringstream sentence;
+            sentence << who << what << " must be between " << bounds.low << " and " << bounds.high << unit << ", found "
+                     << value;
+            wrong.push_back(sentence.str());
+        };
+        within("Young's modulus", f.young_modulus, finger_bounds::young_modulus, " Pa");
+        within("Poisson's ratio", f.poisson_ratio, finger_bounds::poisson_ratio, "");
+        within("the density", f.density, finger_bounds::density, " kg/m^3");
         if (f.has_limits) {
-            need(f.limit_low > 0.01 && f.limit_low < 1,
-                 who + "the lower strain limit must be above 0.01 and below 1: the rest shape has stretch 1");
-            need(f.limit_high > 1 && f.limit_high < 100,
-                 who + "the upper strain limit must be above 1 and below 100: the rest shape has stretch 1");
+            // Wider than what files may ask for: limits of almost exactly 1 are among the extremes that are tried.
+            need(f.limit_low > 0.01 && f.limit_low < 1, who + "the lower strain limit must be between 0.01 and 1");
+            need(f.limit_high > 1 && f.limit_high < 100, who + "the upper strain limit must be between 1 and 100");
         }
-        auto all_within = [&](const std::vector<double>& values, double low, double high) {
+        auto all_within = [&](const std::vector<double>& values, const Range& bounds) {
             return values.empty() ||
                    (values.size() == f.mesh.tets.size() &&
-                    std::all_of(values.begin(), values.end(), [&](double v) { return v >= low && v <= high; }));
+                    std::all_of(values.begin(), values.end(), [&](double v) { return bounds.holds(v); }));
         };
-        need(all_within(f.element_young, 1, 1e9) && all_within(f.element_low, 0.01, 0.9999) &&
-                 all_within(f.element_high, 1.0001, 100),
+        need(all_within(f.element_young, finger_bounds::young_modulus) &&
+                 all_within(f.element_low, finger_bounds::limit_low) &&
+                 all_within(f.element_high, finger_bounds::limit_high),
              who + "values per element must be one per element, inside the bounds of those for all");
         const Coupling& c = f.coupling;
-        need(c.stiffness > 0 && c.stiffness <= 1e8 && c.angular_stiffness > 0 && c.angular_stiffness <= 1e6,
-             who + "the coupling's stiffnesses must be positive, at most 1e8 N/m and 1e6 N m/rad");
-        need(c.damping >= 0 && c.damping <= 1e6 && c.angular_damping >= 0 && c.angular_damping <= 1e4,
-             who + "the coupling's dampings must not be negative, at most 1e6 N s/m and 1e4 N m s/rad");
-        need(c.max_force > 0 && c.max_force <= 1e5,
-             who + "the coupling's largest force must be between 0 and 100000 N");
+        within("the coupling's stiffness", c.stiffness, coupling_bounds::stiffness, " N/m");
+        within("the coupling's angular stiffness", c.angular_stiffness, coupling_bounds::angular_stiffness, " N m/rad");
+        within("the coupling's damping", c.damping, coupling_bounds::damping, " N s/m");
+        within("the coupling's angular damping", c.angular_damping, coupling_bounds::angular_damping, " N m s/rad");
+        within("the coupling's largest force", c.max_force, coupling_bounds::max_force, " N");
+        within("the coupling's largest torque", c.max_torque, coupling_bounds::max_torque, " N m");
+        within("the coupling's largest speed", c.max_speed, coupling_bounds::max_speed, " m/s");
+        within("the coupling's largest spin", c.max_spin, coupling_bounds::max_spin, " rad/s");
     }
     for (const ObjectSpec& o : objects)
-        need(o.friction >= 0 && o.friction <= 100, "object '" + o.name + "': friction must be between 0 and 100");
+        need(friction_bounds.holds(o.friction), "object '" + o.name + "': friction must be between 0 and 100");
     for (const FingerFriction& f : finger_frictions)
         need(f.finger >= 0 && f.finger < int(fingers.size()) && f.object >= 0 && f.object < int(objects.size()) &&
-                 f.friction >= 0 && f.friction <= 100,
+                 friction_bounds.holds(f.friction),
              "a friction of a finger against an object must name one of each, and be between 0 and 100");
     for (const ThimbleSpec& t : thimbles) {
         need(t.finger >= 0 && t.finger < int(fingers.size()), "a thimble names a finger that does not exist");
@@ -149,11 +158,8 @@ bool has_bodies(const SceneSpec& spec) {
 void prepare_bodies(World& world) {
     BodySolve& s = world.body_solve;
     const std::size_t objects = world.shapes.size(), bodies = world.bodies.size();
-    const std::size_t chunks = world.double_chunks.size() + world.float_chunks.size();
+    const std::size_t chunks = std::size_t(world.chunks.count());
     if (bodies == 0) return;
-    s.partners = int(std::min<std::size_t>(6, objects - 1));
-    s.pairs.resize(objects * s.partners);
-    std::size_t row = 0;
     for (const RigidShape& shape : world.shapes) {
         s.features.push_back(features_of(shape.shape));
         double reach = shape.shape.kind == ShapeKind::plane ? 1e9 : 0;
@@ -162,11 +168,20 @@ void prepare_bodies(World& world) {
             reach = std::max(reach, norm(f.point - centre) + f.radius);
         }
         s.reach.push_back(reach);
-        for (int k = 0; k < s.partners; ++k) s.pairs[row * s.partners + k].contacts.resize(s.features.back().size());
         if (shape.body >= 0) world.bodies[shape.body].size = reach;
-        ++row;
     }
     s.objects.resize(objects);
+    s.near_objects.reserve(objects);
+    s.first_pair.assign(objects + 1, 0);
+    s.wanted_pairs.assign(objects, 0);
+    for (std::size_t a = 0; a < objects; ++a)
+        for (std::size_t b = 0; b < objects; ++b) {
+            const RigidShape &of_a = world.shapes[a], &of_b = world.shapes[b];
+            if (a == b || (of_a.body < 0 && of_b.body < 0)) continue;
+            const double away = surface_point(of_b.shape, of_b.pose, of_a.pose.position).distance;
+            s.wanted_pairs[a] += away < s.reach[a] + 1e-3;
+        }
+    grow_pairs(s, 6);
     s.bodies.resize(bodies);
     s.parent.resize(bodies + 16 * chunks);
     s.lane_island.resize(16 * chunks);
@@ -230,8 +245,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
             here |= chunks[k].width == kernel.width;
             wider |= chunks[k].width > kernel.width;
         }
-        if (wider && !here)
-            chunks.push_back(spare_chunk(chunks[last - 1], kernel.width, int(spec.objects.size()), has_bodies(spec)));
+        if (wider && !here) chunks.push_back(spare_chunk(chunks[last - 1], kernel.width));
     }
 }
 
@@ -244,6 +258,7 @@ ContactSurface contact_surface_of(const TetMesh& mesh) {
     }
     c.force.assign(c.area.size(), {0, 0, 0});
     c.touches.assign(c.area.size(), 0);
+    c.objects.reserve(8);
     return c;
 }
 
@@ -260,9 +275,9 @@ World build_world(const SceneSpec& spec) {
     std::vector<Skin> skins(spec.fingers.size());
     for (const Archetype& a : sort_into_archetypes(spec)) {
         if (a.single_precision)
-            fill_chunks(spec, a, world.float_chunks, skins);
+            fill_chunks(spec, a, world.chunks.floats, skins);
         else
-            fill_chunks(spec, a, world.double_chunks, skins);
+            fill_chunks(spec, a, world.chunks.doubles, skins);
     }
     std::vector<EntityId> ids;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
@@ -322,8 +337,8 @@ namespace {
 template <class Read>
 auto with_chunk(const World& world, EntityId finger, Read read) {
     const Skin& skin = *world.skins.find(finger);
-    return skin.single_precision ? read(world.float_chunks[skin.chunk], skin.lane)
-                                 : read(world.double_chunks[skin.chunk], skin.lane);
+    return skin.single_precision ? read(world.chunks.floats[skin.chunk], skin.lane)
+                                 : read(world.chunks.doubles[skin.chunk], skin.lane);
 }
 }  // namespace
 
@@ -354,14 +369,14 @@ Pose<double> bone_pose(const World& world, EntityId finger) {
 
 const SkinStatus& skin_status(const World& world, EntityId finger) {
     const Skin& skin = *world.skins.find(finger);
-    return skin.single_precision ? world.float_chunks[skin.chunk].status[skin.lane]
-                                 : world.double_chunks[skin.chunk].status[skin.lane];
+    return skin.single_precision ? world.chunks.floats[skin.chunk].status[skin.lane]
+                                 : world.chunks.doubles[skin.chunk].status[skin.lane];
 }
 
 std::size_t skin_memory_bytes(const World& world) {
     std::size_t bytes = 0;
-    for (const auto& c : world.double_chunks) bytes += memory_bytes(c);
-    for (const auto& c : world.float_chunks) bytes += memory_bytes(c);
+    for (const auto& c : world.chunks.doubles) bytes += memory_bytes(c);
+    for (const auto& c : world.chunks.floats) bytes += memory_bytes(c);
     return bytes;
 }
 

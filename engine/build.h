@@ -45,6 +45,18 @@ struct ThimbleSpec {
     bool force_mode = false;  ///< position mode otherwise
 };
 
+/// Bounds of what a finger is made of and what draws it, by the names above and in Coupling; validate() and readers of
+/// files hold to these alone.
+namespace finger_bounds {
+inline constexpr Range young_modulus{1, 1e9}, poisson_ratio{0, 0.4999}, density{1, 1e5};
+inline constexpr Range limit_low{0.011, 0.9999}, limit_high{1.0001, 99.99};
+}  // namespace finger_bounds
+namespace coupling_bounds {
+inline constexpr Range stiffness{1, 1e8}, angular_stiffness{1e-6, 1e6}, damping{0, 1e6}, angular_damping{0, 1e4};
+inline constexpr Range max_force{1e-3, 1e5}, max_torque{1e-6, 1e4}, max_speed{1e-3, 1e3}, max_spin{1e-2, 1e4};
+}  // namespace coupling_bounds
+inline constexpr Range friction_bounds{0, 100};
+
 struct SceneSpec {
     SolverSettings solver;
     std::vector<FingerSpec> fingers;

@@ -4,14 +4,15 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "devices/command.h"
-#include "devices/matching.h"
+#include "devices/loop/command.h"
+#include "devices/matching/matching.h"
 #include "engine/bodies/body_solve.h"
 #include "engine/bodies/pose_filter.h"
 #include "engine/ecs/table.h"
-#include "engine/skin/chunk.h"
+#include "engine/skin/chunks/chunk.h"
 #include "engine/thimbles/force_matching.h"
 
 namespace palpate {
@@ -31,6 +32,7 @@ struct TrackerPose {
     std::int64_t not_finite = 0;  ///< rejected: NaN, infinite or zero quaternion
     std::int64_t backward = 0;    ///< rejected: older than the newest
     std::int64_t missing = 0;     ///< steps without a valid sample
+    double silent = 0;            ///< since the last accepted sample, or the beginning [s]
 };
 
 /// Finger: viscoelastic virtual coupling between tracked pose and bone, and the bone's inertia.
@@ -41,7 +43,9 @@ struct Coupling {
     double angular_stiffness = 2;                    ///< [N m/rad]
     double angular_damping = 0.004;                  ///< [N m s/rad]
     double max_force = 50;                           ///< the target is pulled no farther than this force [N]
+    double max_torque = 4;                           ///< nor turned by more than this torque [N m]
     double max_speed = 5;                            ///< of the target; faster ones are teleports [m/s]
+    double max_spin = 50;                            ///< of the target, likewise [rad/s]
     double bone_mass = 0.004;                        ///< [kg]
     double bone_inertia = 4e-7;                      ///< about any axis [kg m^2]
     Pose<double> target = Pose<double>::identity();  ///< written by couple
@@ -54,7 +58,7 @@ struct Coupling {
 /// Finger: where its skin lives. Written at load.
 struct Skin {
     std::string name;
-    bool single_precision = false;  ///< in float_chunks rather than double_chunks
+    bool single_precision = false;  ///< in chunks.floats rather than chunks.doubles
     int chunk = 0, lane = 0;
     TetMesh mesh;  ///< rest shape in the finger frame, for output
     Pose<double> start = Pose<double>::identity();
@@ -82,7 +86,7 @@ struct ContactSurface {
     double normal_force = 0;                       ///< sum of normal forces [N]
     double touching_area = 0;                      ///< [m^2]
     int touching = 0;
-    std::array<ObjectContact, max_contact_slots> objects;  ///< those near it
+    std::vector<ObjectContact> objects;  ///< those near it, in the order of their rows
 };
 
 /// Object: shape, pose and friction. Fixed, moved by a script before the step, or by its body in the step.
@@ -115,20 +119,43 @@ struct Matching {
     std::int64_t solves = 0, constrained_solves = 0, failures = 0, contact_solves = 0;
 };
 
-/// Thimble: the mailbox of its device loop.
+/// Thimble: the mailbox of its device loop. Where its finger's tracker falls silent, the thimble must not go on
+/// pressing what the finger touched last: it is led to its rest configuration, and back once the tracker is heard
+/// again.
 struct DeviceLink {
     ThimbleMailbox* mailbox = nullptr;  ///< owned by the loop
+    double silence = 2;                 ///< of the tracker that is waited for [s]
+    double retreat_time = 2;            ///< for the way to rest [s]
+    double return_time = 1;             ///< for the way back [s]
+    double retreat = 0;                 ///< share of the way to rest, 0 to 1; written by publish
+    std::int64_t retreats = 0;          ///< times it was led to rest
 };
 
 /// Wall time of the systems of one step [s]; the fields follow step.cpp one to one.
 struct StepProfile {
-    double read_trackers = 0, couple = 0, detect_contacts = 0, solve_skin = 0, solve_bodies = 0, extract_contact = 0,
-           match_devices = 0, publish = 0;
-    double total() const {
-        return read_trackers + couple + detect_contacts + solve_skin + solve_bodies + extract_contact + match_devices +
-               publish;
-    }
+    double read_trackers = 0, couple = 0, begin_bodies = 0, detect_contacts = 0, choose_detail = 0, gather_lanes = 0,
+           solve_skin = 0, solve_bodies = 0, extract_contact = 0, match_devices = 0, publish = 0, end_objects = 0;
+    double total() const;
 };
+/// The systems by name, in the order of the step.
+inline constexpr std::pair<const char*, double StepProfile::*> step_systems[] = {
+    {"read_trackers", &StepProfile::read_trackers},
+    {"couple", &StepProfile::couple},
+    {"begin_bodies", &StepProfile::begin_bodies},
+    {"detect_contacts", &StepProfile::detect_contacts},
+    {"choose_detail", &StepProfile::choose_detail},
+    {"gather_lanes", &StepProfile::gather_lanes},
+    {"solve_skin", &StepProfile::solve_skin},
+    {"solve_bodies", &StepProfile::solve_bodies},
+    {"extract_contact", &StepProfile::extract_contact},
+    {"match_devices", &StepProfile::match_devices},
+    {"publish", &StepProfile::publish},
+    {"end_objects", &StepProfile::end_objects}};
+inline double StepProfile::total() const {
+    double sum = 0;
+    for (const auto& [name, seconds] : step_systems) sum += this->*seconds;
+    return sum;
+}
 
 /// Coulomb coefficient of two objects against each other, where it is not the geometric mean of theirs.
 struct PairFriction {
@@ -161,12 +188,11 @@ struct World {
     Table<Matching> matchings;           ///< per thimble
     Table<ForceMatcher> force_matchers;  ///< per thimble that matches forces
     Table<DeviceLink> device_links;      ///< per thimble with a device
-    std::vector<SkinChunk<double>> double_chunks;
-    std::vector<SkinChunk<float>> float_chunks;
+    SkinChunks chunks;
 
     StepProfile profile;
-    double sampled_at = 0;     ///< when the step's tracked poses were read [s of a steady clock]; 0: simulated time
-    std::int64_t crowded = 0;  ///< chunk-steps with more objects near than contact slots
+    double sampled_at = 0;  ///< when the step's tracked poses were read [s of a steady clock]; 0: simulated time
+    std::int64_t contact_growths = 0;  ///< times that a finger needed memory for more objects near it than ever before
 };
 
 }  // namespace palpate

@@ -23,15 +23,4 @@ void mark_half_space(TetMesh& mesh, const Point& normal, double offset);
 /// Pad nodes = surface nodes that are not bone nodes.
 void mark_pad(TetMesh& mesh);
 
-/// How a surface of unknown orientation was turned into the finger frame.
-struct FrameGuess {
-    Surface surface;          ///< in the finger frame
-    std::string explanation;  ///< what was guessed, in words
-};
-
-/// Long axis to x, towards the end that is not cut flat; widest of the rest to y; the tip lies on the
-/// dorsal side of the middle, which decides z. A surface whose long axis is x already and whose tip
-/// points to +x is only centred.
-FrameGuess to_finger_frame(const Surface& surface);
-
 }  // namespace palpate

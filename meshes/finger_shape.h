@@ -5,7 +5,7 @@
 
 namespace palpate {
 
-/// Dimensions of a distal segment. Shape: REFERENCES of the README ("Where the finger comes from").
+/// Dimensions of a distal segment. Shape: meshes/README.md.
 struct FingerShape {
     double length = 0.025;      ///< cut to tip [m]
     double width = 0.0175;      ///< [m]

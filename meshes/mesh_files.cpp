@@ -1,8 +1,10 @@
 #include "meshes/mesh_files.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <map>
 #include <set>
@@ -310,19 +312,23 @@ std::string read_file(const fs::path& path) {
     return text.str();
 }
 
+void throw_unwritable(const fs::path& path, int error) {
+    const std::string message = path.string() + ": cannot be written: " + std::strerror(error);
+    for (int machine : {ENOSPC, EDQUOT, EFBIG, EIO})
+        if (error == machine) throw std::runtime_error(message);
+    throw InputError(message);
+}
+
 void write_file(const fs::path& path, const std::string& text) {
     const fs::path temporary = path.string() + ".part";
-    {
-        std::ofstream out(temporary, std::ios::binary);
-        out << text;
-        out.flush();
-        if (!out) {
-            std::error_code ignored;
-            fs::remove(temporary, ignored);
-            throw InputError(path.string() + ": cannot be written (folder missing, no permission, or disk full)");
-        }
-    }
-    fs::rename(temporary, path);
+    std::FILE* file = std::fopen(temporary.c_str(), "wb");
+    if (!file) throw_unwritable(path, errno);
+    int error = std::fwrite(text.data(), 1, text.size(), file) == text.size() ? 0 : errno;
+    if (std::fclose(file) != 0 && error == 0) error = errno;
+    if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
+    if (error == 0) return;
+    std::remove(temporary.c_str());
+    throw_unwritable(path, error);
 }
 
 void write_vtu(const fs::path& path, const TetMesh& mesh, const std::vector<Field>& node_fields,

@@ -20,11 +20,16 @@ struct Field {
 };
 
 /// Writes a VTK unstructured grid (ASCII XML, for ParaView), coordinates in millimetres. The file is
-/// complete or absent. Throws InputError where it cannot be written.
+/// complete or absent. Throws as throw_unwritable.
 void write_vtu(const std::filesystem::path& path, const TetMesh& mesh, const std::vector<Field>& node_fields,
                const std::vector<Field>& element_fields);
 
-/// Writes text to a file under a temporary name, then renames it: the file is complete or absent.
+/// Throws what is wrong with a file that cannot be written, by errno: std::runtime_error where the machine is at fault
+/// (the disk is full or broken, a quota or file size limit is reached), InputError where the path is.
+[[noreturn]] void throw_unwritable(const std::filesystem::path& path, int error);
+
+/// Writes text to a file under a temporary name, then renames it: the file is complete or absent. Throws as
+/// throw_unwritable.
 void write_file(const std::filesystem::path& path, const std::string& text);
 /// A whole file. Throws InputError where it cannot be read.
 std::string read_file(const std::filesystem::path& path);

@@ -8,8 +8,10 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <sstream>
 
 #include "meshes/input_error.h"
 #include "meshes/tetgen_protocol.h"
@@ -30,6 +32,11 @@ std::string helper_path() {
     for (const auto& folder : {self.parent_path(), std::filesystem::path(PALPATE_HELPER_BUILD_DIR),
                                std::filesystem::path(PALPATE_HELPER_INSTALL_DIR)})
         if (std::filesystem::exists(folder / "palpate-tetgen", error)) return (folder / "palpate-tetgen").string();
+    // A program that embeds this, where palpate is installed under another prefix.
+    std::istringstream folders(std::getenv("PATH") ? std::getenv("PATH") : "");
+    for (std::string folder; std::getline(folders, folder, ':');)
+        if (!folder.empty() && std::filesystem::exists(std::filesystem::path(folder) / "palpate-tetgen", error))
+            return (std::filesystem::path(folder) / "palpate-tetgen").string();
     throw InputError("the mesher's helper 'palpate-tetgen' was not found beside the program; install palpate again");
 }
 

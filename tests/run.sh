@@ -1,9 +1,9 @@
 #!/bin/sh
-# Installs what is missing, builds everything and runs the tests.
+# Installs what is missing, builds the program and its tests, and passes them; further arguments go to ctest.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/.."
-.ci/install-packages libumockdev-dev pkgconf
-cmake --preset release -DPALPATE_TESTS=ON -DPALPATE_BENCH=ON
+.ci/install-packages libumockdev-dev umockdev pkgconf python3
+cmake --preset release -DPALPATE_TESTS=ON -DPALPATE_BENCH=OFF
 cmake --build --preset release
-ctest --preset release -j2 "$@"
+ctest --preset release -j"$(nproc)" "$@"

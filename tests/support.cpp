@@ -123,6 +123,10 @@ Outcome shell(const std::string& command) {
     return o;
 }
 
-Outcome palpate_program(const std::string& arguments) { return shell(std::string(PALPATE_PROGRAM) + " " + arguments); }
+std::string source_dir() { return PALPATE_SOURCE_DIR; }
+
+std::string program_path() { return PALPATE_PROGRAM; }
+
+Outcome palpate_program(const std::string& arguments) { return shell(program_path() + " " + arguments); }
 
 }  // namespace palpate::testing

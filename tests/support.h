@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "engine/build.h"
-#include "engine/skin/chunk.h"
-#include "engine/skin/solve_skin.h"
+#include "engine/skin/chunks/chunk.h"
+#include "engine/skin/solve/solve_skin.h"
 
 namespace palpate::testing {
 
@@ -37,6 +37,16 @@ SkinChunk<T> make_chunk(const TetMesh& mesh, const Pose<double>& bone, const Chu
 template <class T>
 void aim_all(SkinChunk<T>& chunk, double linear, double angular, const Pose<double>& target);
 
+/// The one object that all lanes touch.
+template <class T>
+LaneContact& touch_all(SkinChunk<T>& chunk, const LaneContact& object) {
+    for (int lane = 0; lane < chunk.width; ++lane) {
+        if (chunk.contacts.count[std::size_t(lane)] > 0) erase_contact(chunk, lane, 0);
+        insert_contact(chunk, lane, 0, object);
+    }
+    return chunk.contacts.at(0, 0);
+}
+
 /// Central difference of f along component i of x.
 double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
                           std::size_t i, double h);
@@ -50,6 +60,11 @@ bool eventually(Condition condition) {
     }
     return false;
 }
+
+/// Root of the checkout, and the program that was built from it. (Functions, so that no object depends on where the
+/// checkout lies.)
+std::string source_dir();
+std::string program_path();
 
 /// Folder of real inputs, beside the checkout; empty where it is absent.
 std::filesystem::path shared_data();

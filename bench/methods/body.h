@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/skin/newton.h"
+#include "engine/skin/solve/newton.h"
 
 namespace palpate::methods {
 

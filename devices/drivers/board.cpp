@@ -4,34 +4,46 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <stdexcept>
 
 namespace palpate {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-constexpr auto feed_period = std::chrono::milliseconds(50);
-constexpr auto catch_up_period = std::chrono::milliseconds(5);
-constexpr auto retry_period = std::chrono::milliseconds(500);
-constexpr int tolerated_failures = 3;
+constexpr double feed_period = 0.05, retry_period = 0.5;
+constexpr double catch_up_period = 0.005;
+/// After so long without a word to the controller it is asked how it is before it is told anything: no watchdog that is
+/// accepted bites earlier [s].
+constexpr double ask_first_after = 0.09;
+/// How long servos have caught up before the first move counts as over; longer where nobody knew where they were [s].
+constexpr double settled = 0.2, settled_from_unknown = 1.5, first_move_at_most = 3;
+constexpr std::size_t remembered_transitions = 200;
 
-double seconds() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+std::uint64_t packed(WireValue value, double pose_at) {
+    const double us = std::clamp(1e6 * pose_at, 0.0, 2e14);
+    return std::uint64_t(us) << 16 | value;
+}
+WireValue value_of(std::uint64_t wanted) { return WireValue(wanted & 0xFFFF); }
+double pose_time_of(std::uint64_t wanted) { return 1e-6 * double(wanted >> 16); }
 
 }  // namespace
 
-Board::Board(std::unique_ptr<BoardLink> link) : link_(std::move(link)) {
+Board::Board(std::unique_ptr<BoardLink> link, std::filesystem::path audit)
+    : link_(std::move(link)), audit_file_(std::move(audit)) {
     for (auto& w : wanted_torque_) w = no_torque_limit;
     sent_torque_.fill(no_torque_limit);
     std::array<WireValue, max_channels> positions{};
-    const std::string problem = link_->open(positions);
-    if (!problem.empty()) throw std::runtime_error(problem);
+    if (const std::string problem = link_->open(positions); !problem.empty()) throw std::runtime_error(problem);
     take_positions(positions);
+    opened_ = 1;
+    enter(BoardState::inactive, "opened");
+    activate();
+    if (state() != BoardState::active) throw std::runtime_error(problem_);
     wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (wake_fd_ < 0) throw std::runtime_error("no event descriptor for the servo controller's thread");
-    opened_ = 1;
-    state_ = BoardState::ready;
     thread_ = std::thread([this] { serve(); });
 }
 
@@ -43,17 +55,50 @@ Board::~Board() {
     ::close(wake_fd_);
 }
 
-/// A controller as it was found.
-void Board::take_positions(std::span<const WireValue> positions) {
-    for (std::size_t c = 0; c < max_channels; ++c) {
-        position_[c].store(positions[c], std::memory_order_release);
-        told_[c] = {positions[c], positions[c], seconds()};
-    }
+void Board::enter(BoardState next, const std::string& reason) {
+    const std::lock_guard lock(problem_mutex_);
+    if (transitions_.size() >= remembered_transitions)
+        transitions_.erase(transitions_.begin() + remembered_transitions / 2);
+    transitions_.push_back({device_clock(), state(), next, reason});
+    state_.store(next, std::memory_order_release);
 }
 
-void Board::limit(int channel, const WireLimits& limits) {
+/// A controller as it was found.
+void Board::take_positions(std::span<const WireValue> positions) {
+    const double now = device_clock();
+    for (std::size_t c = 0; c < max_channels; ++c) {
+        position_[c].store(positions[c], std::memory_order_release);
+        told_[c] = {positions[c], positions[c], now};
+        following_[c].start(positions[c], now);
+        write_watch_[c].forget();
+        read_watch_[c].forget();
+    }
+    for (AnswerWatch* watch : {&feed_watch_, &torque_watch_, &read_problem_watch_}) watch->forget();
+}
+
+void Board::activate() {
+    if (const LinkProblem problem = link_->activate()) return latch(problem);
+    for (auto& w : wanted_) w.store(no_pulse, std::memory_order_release);  // of before, where a tick met the fault
+    easing_ = true;
+    position_unknown_ = held_back_ = false;
+    moving_since_ = 0;
+    last_word_ = device_clock();
+    enter(BoardState::active, "armed");
+}
+
+void Board::limit(int channel, const WireLimits& limits, WireValue rest) {
     const std::lock_guard lock(limits_mutex_);
     limits_[std::size_t(channel)] = limits;
+    rest_[std::size_t(channel)] = rest;
+}
+
+WireLimits Board::limits_of(std::size_t channel) const {
+    const std::lock_guard lock(limits_mutex_);
+    return limits_[channel];
+}
+
+void Board::set(int channel, WireValue value, double pose_at) {
+    wanted_[std::size_t(channel)].store(packed(value, pose_at), std::memory_order_release);
 }
 
 void Board::wake() {
@@ -61,212 +106,302 @@ void Board::wake() {
     [[maybe_unused]] const auto written = ::write(wake_fd_, &one, sizeof one);  // full: it is awake already
 }
 
-void Board::drain() const {
-    for (int k = 0; k < 100 && state() == BoardState::ready; ++k) {
+bool Board::drain(double seconds) const {
+    const double end = device_clock() + seconds;
+    while (state() == BoardState::active) {
         bool waiting = false;
-        for (std::size_t c = 0; c < max_channels; ++c) waiting |= wanted_[c] != no_pulse && wanted_[c] != sent_[c];
-        if (!waiting) return;
+        for (std::size_t c = 0; c < max_channels; ++c) {
+            const WireValue wanted = value_of(wanted_[c]);
+            waiting |= wanted != no_pulse && wanted != sent_[c];
+        }
+        if (!waiting) return true;
+        if (device_clock() > end) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
+    return false;
 }
 
 BoardStatus Board::status() const {
     const std::lock_guard lock(problem_mutex_);
-    return {
-        state(), problem_, writes_, values_, failures_, opened_, 1e3 * latency_.quantile(0.99), 1e3 * latency_.worst()};
+    BoardStatus s{state(), fault_, problem_, writes_, values_, failures_, opened_, faults_, 0, 0, {}, {}, transitions_};
+    s.write_p99_ms = 1e3 * latency_.quantile(0.99);
+    s.write_worst_ms = 1e3 * latency_.worst();
+    for (std::size_t c = 0; c < max_channels; ++c) {
+        s.write_failures[c] = write_watch_[c].failures();
+        s.read_failures[c] = read_watch_[c].failures();
+    }
+    return s;
 }
 
 bool Board::rearm() {
-    if (state() == BoardState::ready) return true;
-    if (!back_) return false;
-    back_ = false;
-    state_.store(BoardState::ready, std::memory_order_release);
-    return true;
+    if (state() == BoardState::inactive) {
+        rearm_asked_ = true;
+        wake();
+    }
+    return state() == BoardState::active;
 }
 
-void Board::fail(const LinkProblem& problem) {
+/// Counts a problem; latches where it is final, or where there was no good answer for too long.
+void Board::fail(const LinkProblem& problem, bool given_up) {
     ++failures_;
     {
         const std::lock_guard lock(problem_mutex_);
         problem_ = problem.text;
     }
-    if (!problem.lost && ++failures_in_a_row_ < tolerated_failures) return;
-    // What was wanted before the loss is not what is wanted after it.
-    state_.store(BoardState::lost, std::memory_order_release);
+    if (problem.lost || given_up) latch(problem);
+}
+
+void Board::latch(const LinkProblem& problem) {
+    if (seized_) return;
+    const bool was_active = state() == BoardState::active;  // one that waits to be re-armed is in a fault already
+    faults_ += was_active;
+    {
+        const std::lock_guard lock(problem_mutex_);
+        problem_ = problem.text;
+        fault_ = problem.kind;
+    }
+    rearm_asked_ = false;
+    enter(BoardState::faulted, std::string(name(problem.kind)) + ": " + problem.text);
+    // What was wanted before the fault is not what is wanted after it.
     for (auto& w : wanted_) w.store(no_pulse, std::memory_order_release);
     for (auto& s : sent_) s.store(no_pulse, std::memory_order_release);
     for (auto& w : wanted_torque_) w.store(no_torque_limit, std::memory_order_release);
     sent_torque_.fill(no_torque_limit);
+    held_back_ = false;
+    link_->deactivate();
     link_->close();
+    next_open_ = device_clock() + 0.2 * retry_period;
+    if (!audit_file_.empty() && was_active)
+        audit_.write(audit_file_.string() + "_" + std::to_string(faults_) + ".csv", status().transitions,
+                     device_clock());
 }
 
 bool Board::open_again() {
     std::array<WireValue, max_channels> positions{};
     const std::string problem = link_->open(positions);
+    next_open_ = device_clock() + retry_period;
     if (!problem.empty()) {
         const std::lock_guard lock(problem_mutex_);
         problem_ = problem;
         return false;
     }
     take_positions(positions);
-    failures_in_a_row_ = 0;
-    ++opened_;
-    back_ = true;
     return true;
 }
 
 void Board::write_changed_torques() {
-    std::array<ChannelTarget, max_channels> limits;
+    std::array<ChannelTarget, max_channels> values;
     std::size_t count = 0;
+    const double began = device_clock();
     for (int channel = 0; channel < max_channels; ++channel) {
         const auto c = std::size_t(channel);
         const WireValue wanted = wanted_torque_[c].load(std::memory_order_acquire);
-        if (wanted != no_torque_limit && wanted != sent_torque_[c]) limits[count++] = {channel, wanted};
+        if (wanted == no_torque_limit || wanted == sent_torque_[c]) continue;
+        const WireValue value = limit_torque_wire(wanted, sent_torque_[c], limits_of(c), began - torque_at_[c]);
+        held_back_ |= value != wanted;
+        if (value != sent_torque_[c]) values[count++] = {channel, value};
     }
     if (count == 0) return;
-    const std::span<const ChannelTarget> changed(limits.data(), count);
-    if (const LinkProblem problem = link_->write_torques(changed)) return fail(problem);
-    for (const ChannelTarget& t : changed) sent_torque_[std::size_t(t.channel)] = t.value;
+    const std::span<const ChannelTarget> changed(values.data(), count);
+    const LinkProblem problem = link_->write_torques(changed);
+    const double end = device_clock();
+    for (const ChannelTarget& t : changed) {
+        audit_.add({end, -1, std::int8_t(t.channel), !problem, true, t.value});
+        torque_at_[std::size_t(t.channel)] = end;
+        if (!problem) sent_torque_[std::size_t(t.channel)] = t.value;
+    }
+    if (problem) {
+        torque_watch_.bad(began);
+        return fail(problem, torque_watch_.given_up(end));
+    }
+    torque_watch_.good();
     ++writes_;
 }
 
-/// Sends what is not yet where it is wanted. Returns whether a speed limit held something back.
-bool Board::write_changed() {
-    std::array<ChannelTarget, max_channels> targets;
-    std::array<char, max_channels> arrived{};
+/// Targets that are not yet where they are wanted, as near as limits let them be now. Returns how many.
+std::size_t Board::due_targets(std::span<ChannelTarget> targets, double now) {
     std::size_t count = 0;
-    bool held_back = false;
-    const double now = seconds();
     for (int channel = 0; channel < max_channels; ++channel) {
         const auto c = std::size_t(channel);
-        const WireValue wanted = wanted_[c].load(std::memory_order_acquire), sent = sent_[c];
+        const std::uint64_t both = wanted_[c].load(std::memory_order_acquire);
+        const WireValue wanted = value_of(both), sent = sent_[c];
         if (wanted == no_pulse || wanted == sent) continue;
-        WireLimits limits;
-        {
-            const std::lock_guard lock(limits_mutex_);
-            limits = limits_[c];
-        }
+        due_pose_[c] = pose_time_of(both);
+        WireLimits limits = limits_of(c);
+        if (easing_) limits.speed *= first_move_share;
         const WireValue value = limit_wire(wanted, told_[c], limits, now - told_[c].at);
-        held_back |= value != wanted && value != no_pulse;
-        if (value != no_pulse && value != sent) targets[count++] = {channel, value};
+        if (value == no_pulse) continue;
+        held_back_ |= value != wanted;
+        if (value != sent) targets[count++] = {channel, value};
     }
-    if (count == 0) return held_back;
-    const LinkProblem problem = link_->write(std::span(targets).first(count), std::span(arrived).first(count));
-    const double end = seconds();  // they arrived by now, if at all: the next step's time runs from here
+    return count;
+}
+
+/// Sends what is not yet where it is wanted.
+void Board::write_changed() {
+    std::array<ChannelTarget, max_channels> due;
+    std::array<char, max_channels> arrived{};
+    const double began = device_clock();
+    const std::size_t count = due_targets(due, began);
+    if (count == 0) return;
+    const std::span<const ChannelTarget> targets(due.data(), count);
+    const LinkProblem problem = link_->write(targets, std::span(arrived).first(count));
+    const double end = device_clock();  // they arrived by now, if at all: the next step's time runs from here
+    bool given_up = false;
     for (std::size_t i = 0; i < count; ++i) {
-        const auto c = std::size_t(targets[i].channel);
-        const WireValue value = targets[i].value;
-        Told& told = told_[c];
-        if (arrived[i] || told.low == no_pulse)
-            told = {value, value, end};
-        else  // it may have arrived, all the same
-            told = {std::min(told.low, value), std::max(told.high, value), end};
-        sent_[c] = arrived[i] ? value : no_pulse;
-        if (!arrived[i]) continue;
-        if (!link_->measures) position_[c].store(targets[i].value, std::memory_order_release);
-        ++values_;
+        note_write(targets[i], arrived[i] != 0, began, end);
+        given_up |= write_watch_[std::size_t(targets[i].channel)].given_up(end);
     }
-    if (problem) return fail(problem), held_back;
+    if (moving_since_ == 0) moving_since_ = end;
+    if (problem) return fail(problem, given_up);
     ++writes_;
-    latency_.add(end - now);
-    failures_in_a_row_ = 0;
-    return held_back;
+    latency_.add(end - began);
+    last_word_ = end;
+}
+
+void Board::note_write(const ChannelTarget& target, bool arrived, double began, double end) {
+    const auto c = std::size_t(target.channel);
+    Told& told = told_[c];
+    position_unknown_ |= told.low == no_pulse;
+    told = told_after(told, target.value, arrived, began - told.at, end);
+    sent_[c] = arrived ? target.value : no_pulse;
+    following_[c].told(target.value, end);
+    const double pose_at = due_pose_[c], age = end - pose_at;
+    audit_.add({end, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
+    if (!arrived) return write_watch_[c].bad(began);
+    write_watch_[c].good();
+    ++values_;
+    if (!link_->measures) position_[c].store(target.value, std::memory_order_release);
+    if (pose_at <= 0 || pose_at == counted_pose_[c]) return;
+    counted_pose_[c] = pose_at;
+    age_[c].add(age);
+    newest_age_[c].store(age, std::memory_order_relaxed);
 }
 
 void Board::feed() {
-    const LinkProblem problem = link_->feed();
-    if (problem) return fail(problem);
-    if (!link_->measures) return;
+    const double began = device_clock();
+    next_feed_ = began + feed_period;
+    if (const LinkProblem problem = link_->feed()) {
+        feed_watch_.bad(began);
+        fail(problem, feed_watch_.given_up(device_clock()));
+    } else {
+        feed_watch_.good();
+        last_word_ = device_clock();
+    }
+    if (link_->measures && (state() == BoardState::active || state() == BoardState::inactive)) read_positions(began);
+}
+
+/// Where servos are; whether each answers, and follows.
+void Board::read_positions(double began) {
     std::array<WireValue, max_channels> positions{};
     std::array<int, max_channels> channels;
     std::size_t used = 0;
     for (int c = 0; c < max_channels; ++c)
-        if (sent_[std::size_t(c)] != no_pulse) channels[used++] = c;
-    link_->read(std::span(channels).first(used), positions);
-    for (std::size_t i = 0; i < used; ++i)
-        if (const auto c = std::size_t(channels[i]); positions[c] != no_pulse)
-            position_[c].store(positions[c], std::memory_order_release);
+        if (limits_of(std::size_t(c)).max > 0) channels[used++] = c;
+    if (used == 0) return;
+    LinkProblem problem = link_->read(std::span(channels).first(used), positions);
+    const double now = device_clock();
+    problem ? read_problem_watch_.bad(began) : read_problem_watch_.good();
+    if (problem.lost) return fail(problem, true);
+    bool given_up = read_problem_watch_.given_up(now), silent = false;
+    for (std::size_t i = 0; i < used; ++i) {
+        const auto c = std::size_t(channels[i]);
+        const std::string servo = "servo " + std::to_string(channels[i]);
+        if (positions[c] == no_pulse) {
+            read_watch_[c].bad(began);
+            silent = true;
+            given_up |= read_watch_[c].given_up(now);
+            if (!problem) problem = {servo + " does not answer", false, FaultKind::silent};
+            continue;
+        }
+        read_watch_[c].good();
+        position_[c].store(positions[c], std::memory_order_release);
+        const FaultKind astray = following_[c].measured(positions[c], limits_of(c).following, now);
+        if (astray != FaultKind::none && state() == BoardState::active)
+            return fail(
+                {servo + " is at " + std::to_string(positions[c]) + " and was told " + std::to_string(told_[c].high) +
+                     ": it " + (astray == FaultKind::blocked ? "does not move" : "does not follow"),
+                 true, astray},
+                true);
+    }
+    if (!silent) last_word_ = now;
+    if (problem) fail(problem, given_up);
+}
+
+/// Once servos have made their first move, they may be fast.
+void Board::end_easing() {
+    const double now = device_clock();
+    if (!easing_ || moving_since_ == 0) return;
+    if (held_back_) caught_up_since_ = now;
+    const double wait = position_unknown_ ? settled_from_unknown : settled;
+    const bool there = now - std::max(moving_since_, caught_up_since_) > wait;
+    if (!there && now - moving_since_ < first_move_at_most) return;
+    if (const LinkProblem problem = link_->limit_speed(1)) {
+        caught_up_since_ = now;  // tried again
+        feed_watch_.bad(now);
+        return fail(problem, feed_watch_.given_up(device_clock()));
+    }
+    easing_ = false;
+}
+
+void Board::exchange() {
+    held_back_ = false;
+    if (device_clock() - last_word_ > ask_first_after) feed();
+    if (state() == BoardState::active) write_changed_torques();  // before what they are to push with
+    if (state() == BoardState::active) write_changed();
+    if (state() == BoardState::active && device_clock() >= next_feed_) feed();
+    if (state() == BoardState::active) end_easing();
 }
 
 void Board::serve() {
-    auto next_feed = Clock::now(), next_open = Clock::now();
-    bool held_back = false;
     while (true) {
         const bool last = stop_;
         pollfd wake{wake_fd_, POLLIN, 0};
-        if (!last) ::poll(&wake, 1, int((held_back ? catch_up_period : feed_period).count()));
+        if (!last) ::poll(&wake, 1, int(1e3 * (held_back_ ? catch_up_period : feed_period)));
         std::uint64_t count;
         [[maybe_unused]] const auto got = ::read(wake_fd_, &count, sizeof count);
-        if (state() == BoardState::ready) write_changed_torques();  // before what they are to push with
-        if (state() == BoardState::ready) {
-            held_back = write_changed();
-            if (state() == BoardState::ready && Clock::now() >= next_feed) {
-                feed();
-                next_feed = Clock::now() + feed_period;
-            }
-        } else if (!back_ && !last && Clock::now() >= next_open) {
-            open_again();
-            next_open = Clock::now() + retry_period;
+        if (seized_) {
+            if (last) return;
+            continue;
+        }
+        if (state() == BoardState::active) {
+            exchange();
+        } else if (state() == BoardState::inactive && rearm_asked_.exchange(false)) {
+            // Servos may be elsewhere by now.
+            open_again() ? activate() : latch({status().problem, true, FaultKind::unplugged});
+        } else if (state() == BoardState::inactive && device_clock() >= next_feed_) {
+            feed();
+        } else if (state() == BoardState::faulted && !last && device_clock() >= next_open_) {
+            if (!open_again()) continue;
+            ++opened_;
+            enter(BoardState::inactive, "found again; waits to be re-armed");
         }
         if (last) return;
     }
 }
 
-namespace {
-
-class BoardDriver final : public Driver {
-  public:
-    BoardDriver(std::shared_ptr<Board> board, std::vector<int> channels, std::vector<ServoCalibration> servos)
-        : board_(std::move(board)), channels_(std::move(channels)), servos_(std::move(servos)) {}
-
-    DriverStatus send(const Coordinates& q, double) override {
-        if (board_->state() != BoardState::ready) return DriverStatus::fault;
-        for (std::size_t i = 0; i < channels_.size(); ++i) {
-            const double angle = std::ptrdiff_t(i) < q.size() ? q[std::ptrdiff_t(i)] : NAN;
-            const WireValue value = wire_value(servos_[i], board_->steps_per_unit(), angle);
-            if (value != no_pulse) board_->set(channels_[i], value);
-        }
-        board_->wake();
-        return DriverStatus::ok;
+void Board::seize() noexcept {
+    seized_ = true;
+    for (std::size_t c = 0; c < max_channels; ++c) {
+        const WireValue sent = sent_[c], at = sent == no_pulse ? position_[c].load() : sent;
+        told_[c] = {at, at, 0};
     }
+}
 
-    Coordinates actual(double) override {
-        Coordinates q(std::ptrdiff_t(channels_.size()));
-        for (std::size_t i = 0; i < channels_.size(); ++i) {
-            const WireValue at = board_->position(channels_[i]);
-            q[std::ptrdiff_t(i)] = at == no_pulse ? NAN : angle_of(servos_[i], board_->steps_per_unit(), at);
-        }
-        return q;
+bool Board::rest_in_signal(double elapsed) noexcept {
+    if (state() != BoardState::active) return false;
+    ChannelTarget targets[max_channels];
+    std::size_t count = 0;
+    for (int channel = 0; channel < max_channels; ++channel) {
+        const auto c = std::size_t(channel);
+        const WireValue rest = rest_[c], at = told_[c].low;
+        if (rest == no_pulse || at == no_pulse || rest == at) continue;
+        const WireValue value = limit_wire(rest, told_[c], limits_[c], elapsed);
+        if (value == no_pulse || value == at) continue;
+        targets[count++] = {channel, value};
+        told_[c] = told_after(told_[c], value, true, elapsed, 0);
     }
-
-    bool limit_torque(const Coordinates& torque) override {
-        for (std::size_t i = 0; i < channels_.size(); ++i) {
-            const double t = std::ptrdiff_t(i) < torque.size() ? torque[std::ptrdiff_t(i)] : 0;
-            const WireValue value = torque_value(servos_[i], t);
-            if (value == no_torque_limit) return false;
-            board_->set_torque(channels_[i], value);
-        }
-        return true;
-    }
-
-    bool rearm() override { return board_->rearm(); }
-
-  private:
-    std::shared_ptr<Board> board_;
-    std::vector<int> channels_;
-    std::vector<ServoCalibration> servos_;
-};
-
-}  // namespace
-
-std::unique_ptr<Driver> make_board_driver(std::shared_ptr<Board> board, std::vector<int> channels,
-                                          std::vector<ServoCalibration> servos, double max_speed_rad_per_s) {
-    if (channels.size() != servos.size() || channels.size() > max_device_dimension)
-        throw std::invalid_argument("a thimble needs one channel and one calibration per joint");
-    // A little above the loop's own limit: its ticks come with some jitter.
-    for (std::size_t i = 0; i < channels.size(); ++i)
-        board->limit(channels[i], wire_limits(servos[i], board->steps_per_unit(), 1.05 * max_speed_rad_per_s));
-    return std::make_unique<BoardDriver>(std::move(board), std::move(channels), std::move(servos));
+    return count > 0 && link_->write_in_signal({targets, count});
 }
 
 }  // namespace palpate

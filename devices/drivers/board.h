@@ -3,121 +3,132 @@
 
 #include <array>
 #include <atomic>
+#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <span>
 #include <thread>
 
+#include "devices/drivers/answer_watch.h"
+#include "devices/drivers/audit.h"
+#include "devices/drivers/board_link.h"
 #include "devices/drivers/driver.h"
-#include "devices/drivers/servo.h"
-#include "devices/histogram.h"
+#include "devices/drivers/following_error.h"
+#include "devices/loop/clock.h"
+#include "devices/loop/histogram.h"
 
 namespace palpate {
 
-inline constexpr int max_channels = 32;
-
-struct ChannelTarget {
-    int channel;
-    WireValue value;
-};
-
-/// What went wrong; nothing where `text` is empty. `lost`: no use in trying again before the controller is opened anew.
-struct LinkProblem {
-    std::string text;
-    bool lost = false;
-    explicit operator bool() const { return !text.empty(); }
-};
-
-/// What speaks to one kind of controller; called by the board's thread alone. No call may wait longer than 300 ms.
-/// To add a controller, write one of these (drivers/maestro.h and drivers/serial_bus.h are two) and name it in
-/// scenes/hardware.cpp.
-class BoardLink {
-  public:
-    virtual ~BoardLink() = default;
-    /// Finds and opens the controller. Returns what is wrong, or nothing. `positions` [max_channels] become what its
-    /// servos were told last, no_pulse where that is unknown.
-    virtual std::string open(std::span<WireValue> positions) = 0;
-    virtual void close() = 0;
-    /// Sends targets. `arrived` [as targets] becomes 1 for those that did.
-    virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) = 0;
-    /// Sends torque limits, where the servos have them.
-    virtual LinkProblem write_torques(std::span<const ChannelTarget> /*limits*/) { return {}; }
-    /// Keeps the controller's watchdog from biting, and asks how it is.
-    virtual LinkProblem feed() = 0;
-    /// Positions as measured, where servos report them; leaves the others alone.
-    virtual void read(std::span<const int> /*channels*/, std::span<WireValue> /*positions*/) {}
-    double steps_per_unit = 4;  ///< wire values per unit of the calibration
-    bool measures = false;      ///< read() returns measured positions
-};
-
-enum class BoardState { opening, ready, lost };
-
 struct BoardStatus {
     BoardState state;
+    FaultKind fault;      ///< that latched last
     std::string problem;  ///< the last one
-    std::int64_t writes, values, failures, opened;
+    std::int64_t writes, values, failures, opened, faults;
     double write_p99_ms, write_worst_ms;
+    std::array<std::int64_t, max_channels> write_failures, read_failures;  ///< per servo
+    std::vector<BoardTransition> transitions;                              ///< the first and the last hundred
 };
 
 class Board {
   public:
-    /// Opens the controller in this call. Throws std::runtime_error with what is wrong.
-    explicit Board(std::unique_ptr<BoardLink> link);
+    /// Opens the controller in this call, and activates it. Throws std::runtime_error with what is wrong. What it was
+    /// sent in the last minutes is written to `audit`_1.csv and so on at each fault; nowhere where that is empty.
+    explicit Board(std::unique_ptr<BoardLink> link, std::filesystem::path audit = {});
     ~Board();  ///< sends what is waiting, then stops
     Board(const Board&) = delete;
     Board& operator=(const Board&) = delete;
 
-    /// What a channel may be sent; until then, nothing.
-    void limit(int channel, const WireLimits& limits);
+    /// What a channel may be sent; until then, nothing. `rest`: where a dying program leaves it; no_pulse: as it is.
+    void limit(int channel, const WireLimits& limits, WireValue rest = no_pulse);
     /// The newest target of a channel; sent by the thread after wake(). Never waits.
-    void set(int channel, WireValue value) { wanted_[std::size_t(channel)].store(value, std::memory_order_release); }
+    void set(int channel, WireValue value, double pose_at = 0);
     /// The newest torque limit of a channel, as `set`; sent before the targets.
     void set_torque(int channel, WireValue value) {
         wanted_torque_[std::size_t(channel)].store(value, std::memory_order_release);
     }
     void wake();
-    /// Waits until all targets were sent, for 200 ms at most.
-    void drain() const;
+    /// Waits until all targets were sent, for `seconds` at most. False where some were not.
+    bool drain(double seconds = 0.2) const;
     /// What the controller was told last, or measured; no_pulse if unknown.
     WireValue position(int channel) const { return position_[std::size_t(channel)].load(std::memory_order_acquire); }
-    /// From the moment that the controller is lost until rearm(): lost.
+    /// What was sent last, and surely arrived; no_pulse if there is no such value.
+    WireValue arrived(int channel) const { return sent_[std::size_t(channel)].load(std::memory_order_acquire); }
+    bool measures() const { return link_->measures; }
     BoardState state() const { return state_.load(std::memory_order_acquire); }
-    /// Takes a controller that has come back into service; false if it is not there.
+    /// Takes a controller that has come back after a fault into service; false if it is not there.
     bool rearm();
     double steps_per_unit() const { return link_->steps_per_unit; }
     BoardStatus status() const;
+    /// From a tracked pose's arrival to the end of the transfer that it led to, of one channel: all, and the newest
+    /// [s].
+    const LatencyHistogram& age(int channel) const { return age_[std::size_t(channel)]; }
+    double newest_age(int channel) const { return newest_age_[std::size_t(channel)].load(std::memory_order_relaxed); }
+
+    /// In a signal handler, once and for all: takes the controller from its thread, and moves all servos to their rest
+    /// values within their limits. Allocates nothing and takes no lock. False once nothing is left to do.
+    void seize() noexcept;
+    bool rest_in_signal(double elapsed) noexcept;
 
   private:
     void serve();
+    void exchange();
+    void activate();
     bool open_again();
     void take_positions(std::span<const WireValue> positions);
-    bool write_changed();
+    std::size_t due_targets(std::span<ChannelTarget> targets, double now);
+    void write_changed();
+    void note_write(const ChannelTarget& target, bool arrived, double began, double end);
     void write_changed_torques();
-    void fail(const LinkProblem& problem);
     void feed();
+    void read_positions(double began);
+    void end_easing();
+    void fail(const LinkProblem& problem, bool given_up);
+    void latch(const LinkProblem& problem);
+    void enter(BoardState state, const std::string& reason);
+    WireLimits limits_of(std::size_t channel) const;
 
     std::unique_ptr<BoardLink> link_;
-    std::array<std::atomic<WireValue>, max_channels> wanted_{}, position_{};
-    std::array<std::atomic<WireValue>, max_channels> sent_{};
-    std::array<std::atomic<WireValue>, max_channels> wanted_torque_{};
+    std::filesystem::path audit_file_;
+    /// Value in the low 16 bits, when the tracked pose behind it arrived [us] above: one word, so that they cannot
+    /// part.
+    std::array<std::atomic<std::uint64_t>, max_channels> wanted_{};
+    std::array<std::atomic<WireValue>, max_channels> position_{}, sent_{}, rest_{}, wanted_torque_{};
+    std::array<std::atomic<double>, max_channels> newest_age_{};
+    std::array<LatencyHistogram, max_channels> age_;
     std::array<WireValue, max_channels> sent_torque_{};
-    std::array<WireLimits, max_channels> limits_{};  ///< guarded by limits_mutex_
+    std::array<double, max_channels> torque_at_{};   ///< when it was sent [s]
+    std::array<WireLimits, max_channels> limits_{};  ///< written under limits_mutex_, before targets come
     std::array<Told, max_channels> told_{};
+    std::array<AnswerWatch, max_channels> write_watch_, read_watch_;
+    std::array<FollowingError, max_channels> following_{};
+    AnswerWatch feed_watch_, torque_watch_, read_problem_watch_;
+    Audit audit_;
     mutable std::mutex limits_mutex_;
-    std::atomic<BoardState> state_{BoardState::opening};
-    std::atomic<bool> back_{false};  ///< open again after a loss, and waiting for rearm
-    std::atomic<bool> stop_{false};
-    std::atomic<std::int64_t> writes_{0}, values_{0}, failures_{0}, opened_{0};
-    int failures_in_a_row_ = 0;
+    std::atomic<BoardState> state_{BoardState::unconfigured};
+    std::atomic<bool> rearm_asked_{false}, stop_{false}, seized_{false};
+    std::atomic<std::int64_t> writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
+    std::array<double, max_channels> due_pose_{}, counted_pose_{};  ///< poses behind what is sent, and was counted [s]
+    bool easing_ = false, position_unknown_ = false, held_back_ = false;
+    double moving_since_ = 0;  ///< when the first value after activation was sent; 0: none was [s]
+    double caught_up_since_ = 0, last_word_ = 0, next_feed_ = 0, next_open_ = 0;
     LatencyHistogram latency_;
     mutable std::mutex problem_mutex_;
     std::string problem_;
+    FaultKind fault_ = FaultKind::none;
+    std::vector<BoardTransition> transitions_;
     int wake_fd_ = -1;
     std::thread thread_;
 };
 
+struct BoardDriverLimits {
+    double speed = 6;         ///< [rad/s]
+    double acceleration = 0;  ///< [rad/s^2]; 0: none
+    double following = 0.15;  ///< bound on the following error [rad]; 0: none, as where force is limited
+    Coordinates rest = {};    ///< where a dying program leaves the joints [rad]; empty: as they are
+};
+
 /// One thimble's servos on a board.
 std::unique_ptr<Driver> make_board_driver(std::shared_ptr<Board> board, std::vector<int> channels,
-                                          std::vector<ServoCalibration> servos, double max_speed_rad_per_s);
+                                          std::vector<ServoCalibration> servos, const BoardDriverLimits& limits);
 
 }  // namespace palpate

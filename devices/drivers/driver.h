@@ -11,14 +11,17 @@ enum class DriverStatus { ok, fault };
 class Driver {
   public:
     virtual ~Driver() = default;
-    /// Commands joint angles [rad] at time `now` [s].
-    virtual DriverStatus send(const Coordinates& q, double now) = 0;
+    /// Commands joint angles [rad] at time `now` [s]. `pose_at`: when the tracked pose behind them arrived; 0: none
+    /// did.
+    virtual DriverStatus send(const Coordinates& q, double now, double pose_at = 0) = 0;
     /// Angles that the servos are at, as far as the driver knows [rad].
     virtual Coordinates actual(double now) = 0;
     /// Most that each joint may push with from the next send() on [N m]. False where the servos cannot limit it.
     virtual bool limit_torque(const Coordinates& /*torque*/) { return false; }
     /// Ends a fault, if its cause is gone; false if it is not.
     virtual bool rearm() { return true; }
+    /// How old the tracked pose was as the newest angles had reached the servos [s]; negative where that is not known.
+    virtual double command_age() const { return -1; }
 };
 
 }  // namespace palpate

@@ -1,14 +1,20 @@
 #include "devices/drivers/maestro.h"
 
 #include <libusb.h>
+#include <linux/ioctl.h>
+
+#include <linux/usbdevice_fs.h>
+#include <sys/ioctl.h>
 #include <sys/time.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
 #include <thread>
 
+#include "devices/drivers/device_lock.h"
 #include "devices/drivers/maestro_protocol.h"
 
 namespace palpate::maestro {
@@ -144,6 +150,12 @@ std::pair<BoardInfo, Handle> open_board(libusb_context* context, const std::stri
     return found;
 }
 
+std::string node_of(const BoardInfo& info) {
+    char node[40];
+    std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", info.bus, info.address);
+    return node;
+}
+
 class MaestroLink final : public BoardLink {
   public:
     explicit MaestroLink(LinkSettings settings) : settings_(std::move(settings)) {}
@@ -153,25 +165,22 @@ class MaestroLink final : public BoardLink {
         close();
         context_ = open_context();  // a fresh one: an old one may not see a board that came back
         auto [info, handle] = open_board(context_.get(), settings_.serial);
+        handle_ = std::move(handle);
         channels_ = info.channels;
-        const int watchdog = 10 * parameter(handle.get(), serial_timeout_parameter, 2);
-        if (watchdog == 0 && settings_.need_watchdog)
-            throw std::runtime_error(
-                "the Maestro " + info.serial +
-                " has its watchdog off: servos would hold their force if this program were killed; "
-                "`palpate doctor --mend` sets it, --no-watchdog goes on without");
-        const auto reply = servo_settings(handle.get(), channels_);
-        for (int c = 0; c < channels_; ++c)
-            if (const auto s = parse_servo(channels_, c, reply)) positions[std::size_t(c)] = s->position;
-        for (const auto& [channel, speed] : settings_.speed_us_per_s) {
+        lock_.take(node_of(info), "the Maestro " + info.serial);
+        check_watchdog(info.serial);
+        for (const auto& [channel, limits] : settings_.limits)
             if (channel >= channels_)
                 throw std::runtime_error("channel " + std::to_string(channel) + " is not one of the " +
                                          std::to_string(channels_) + " of the Maestro " + info.serial);
-            const double units = std::ceil(speed / 25);  // 0.25 us / 10 ms
-            transfer(handle.get(), set_speed(channel, std::uint16_t(std::clamp(units, 1.0, 16383.0))));
-        }
-        transfer(handle.get(), clear_errors());
-        handle_ = std::move(handle);
+        set_limits();
+        const auto reply = servo_settings(handle_.get(), channels_);
+        for (int c = 0; c < channels_; ++c)
+            if (const auto s = parse_servo(channels_, c, reply)) {
+                positions[std::size_t(c)] = s->position;
+                check_limits(c, *s);
+            }
+        transfer(handle_.get(), clear_errors());
         return "";
     } catch (const std::exception& error) {
         close();
@@ -185,8 +194,11 @@ class MaestroLink final : public BoardLink {
             (void)context_.release();
             abandoned_ = false;
         }
+        // Transfers hold on to the device, and the device to the context.
+        for (Pending& p : *pending_) p.free();
         handle_.reset();
         context_.reset();
+        lock_.release();
     }
 
     LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
@@ -204,11 +216,32 @@ class MaestroLink final : public BoardLink {
         const Pending& reply = (*pending_)[0];
         const auto variables = parse_variables(
             channels_, std::span(reply.buffer + LIBUSB_CONTROL_SETUP_SIZE, std::size_t(reply.transfer->actual_length)));
-        if (!variables) return {"the Maestro answered with a reply of another length"};
-        // The serial timeout is what a pause before this program left behind.
-        constexpr std::uint16_t serial_timeout = 1 << 5;
-        const std::string errors = describe_errors(variables->errors & ~serial_timeout);
-        return errors.empty() ? LinkProblem{} : LinkProblem{"the Maestro reports errors: " + errors};
+        if (!variables) return {"the Maestro answered with a reply of another length", false, FaultKind::bad_reply};
+        // Errors were cleared as it was opened: this one came since.
+        if (variables->errors & serial_timeout)
+            return {"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
+        const std::string errors = describe_errors(variables->errors);
+        if (errors.empty()) return {};
+        return {"the Maestro reports errors: " + errors, false, FaultKind::reported};
+    }
+
+    LinkProblem limit_speed(double share) override {
+        std::array<Request, max_channels> requests;
+        std::array<char, max_channels> arrived{};
+        std::size_t count = 0;
+        for (const auto& [channel, limits] : settings_.limits)
+            if (limits.speed > 0) requests[count++] = set_speed(channel, speed_units(share * limits.speed));
+        return send_all(
+            count, [&](std::size_t i) { return requests[i]; }, arrived);
+    }
+
+    bool write_in_signal(std::span<const ChannelTarget> targets) noexcept override {
+        for (const auto& [channel, value] : targets) {
+            const Request r = set_target(channel, value);
+            usbdevfs_ctrltransfer t{r.type, r.request, r.value, r.index, 0, 20, nullptr};
+            if (::ioctl(lock_.fd(), USBDEVFS_CONTROL, &t) < 0) return false;
+        }
+        return true;
     }
 
   private:
@@ -217,10 +250,25 @@ class MaestroLink final : public BoardLink {
         libusb_transfer* transfer = nullptr;
         unsigned char buffer[LIBUSB_CONTROL_SETUP_SIZE + longest_reply];
         bool done = true;
-        ~Pending() { libusb_free_transfer(transfer); }
+        void free() {
+            libusb_free_transfer(transfer);
+            transfer = nullptr;
+        }
+        ~Pending() { free(); }
     };
     static void LIBUSB_CALL finished(libusb_transfer* t) { static_cast<Pending*>(t->user_data)->done = true; }
 
+    static std::uint16_t speed_units(double us_per_s) {
+        return std::uint16_t(std::clamp(std::ceil(us_per_s / 25), 1.0, 16383.0));  // 0.25 us / 10 ms
+    }
+    /// 0, none, where more is asked for than the board can count.
+    static std::uint8_t acceleration_units(double us_per_s2) {
+        const double units = std::ceil(us_per_s2 / 312.5);  // 0.25 us / 10 ms / 80 ms
+        return units <= 255 ? std::uint8_t(std::max(0.0, units)) : std::uint8_t(0);
+    }
+    void check_watchdog(const std::string& serial);
+    void set_limits();
+    void check_limits(int channel, const ServoSetting& found) const;
     template <class RequestOf>
     LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<char> arrived);
     bool wait_for_all(std::size_t count, int milliseconds);
@@ -229,11 +277,45 @@ class MaestroLink final : public BoardLink {
     LinkSettings settings_;
     Context context_;
     Handle handle_;
+    DeviceLock lock_;
     int channels_ = 0;
     bool abandoned_ = false;
     /// On the heap, so that what USB never gives back may outlive the link.
     std::unique_ptr<std::array<Pending, max_channels>> pending_ = std::make_unique<std::array<Pending, max_channels>>();
 };
+
+void MaestroLink::check_watchdog(const std::string& serial) {
+    if (!settings_.need_watchdog) return;
+    std::map<int, int> homes;
+    for (const auto& [channel, limits] : settings_.limits)
+        if (channel < channels_) homes[channel] = parameter(handle_.get(), home_parameter(channel), 2);
+    const int watchdog = 10 * parameter(handle_.get(), serial_timeout_parameter, 2);
+    const std::string problem = watchdog_problem(watchdog, homes);
+    if (!problem.empty())
+        throw std::runtime_error("the Maestro " + serial + ": " + problem +
+                                 " if this program were killed; `palpate doctor SCENE --mend` mends it, "
+                                 "--no-watchdog goes on without");
+}
+
+/// For the first move, and for those after it.
+void MaestroLink::set_limits() {
+    for (const auto& [channel, limits] : settings_.limits) {
+        if (limits.speed > 0) transfer(handle_.get(), set_speed(channel, speed_units(first_move_share * limits.speed)));
+        if (limits.acceleration > 0)
+            transfer(handle_.get(), set_acceleration(channel, acceleration_units(limits.acceleration)));
+    }
+}
+
+/// Limits as they read back.
+void MaestroLink::check_limits(int channel, const ServoSetting& found) const {
+    const auto set = settings_.limits.find(channel);
+    if (set == settings_.limits.end()) return;
+    const auto& [speed, acceleration] = set->second;
+    if ((speed > 0 && found.speed != speed_units(first_move_share * speed)) ||
+        (acceleration > 0 && found.acceleration != acceleration_units(acceleration)))
+        throw std::runtime_error("the Maestro does not keep the speed limit of channel " + std::to_string(channel) +
+                                 ": it reads back as " + std::to_string(found.speed));
+}
 
 bool MaestroLink::wait_for_all(std::size_t count, int milliseconds) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(milliseconds);
@@ -256,20 +338,22 @@ LinkProblem MaestroLink::problem_of(int which, const libusb_transfer& t) {
         case LIBUSB_TRANSFER_COMPLETED:
             return {};
         case LIBUSB_TRANSFER_NO_DEVICE:
-            return {"the Maestro was unplugged", true};
+            return {"the Maestro was unplugged", true, FaultKind::unplugged};
         case LIBUSB_TRANSFER_STALL:
-            return {"the Maestro refused " + transfer};
+            return {"the Maestro refused " + transfer, false, FaultKind::refused};
         case LIBUSB_TRANSFER_TIMED_OUT:
         case LIBUSB_TRANSFER_CANCELLED:
-            return {"the Maestro did not answer " + transfer + " in time"};
+            return {"the Maestro did not answer " + transfer + " in time", false, FaultKind::silent};
+        case LIBUSB_TRANSFER_OVERFLOW:
+            return {"the Maestro answered " + transfer + " with more than was asked for", false, FaultKind::bad_reply};
         default:
-            return {transfer + " to the Maestro failed"};
+            return {transfer + " to the Maestro failed", false, FaultKind::other};
     }
 }
 
 template <class RequestOf>
 LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<char> arrived) {
-    if (!handle_ || abandoned_) return {"the Maestro is not open", true};
+    if (!handle_ || abandoned_) return {"the Maestro is not open", true, FaultKind::unplugged};
     LinkProblem problem;
     std::size_t submitted = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -282,8 +366,9 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
         const int rc = libusb_submit_transfer(p.transfer);
         if (rc != 0) {
             p.done = true;
-            problem = {rc == LIBUSB_ERROR_NO_DEVICE ? "the Maestro was unplugged" : libusb_strerror(rc),
-                       rc == LIBUSB_ERROR_NO_DEVICE};
+            const bool gone = rc == LIBUSB_ERROR_NO_DEVICE;
+            problem = {gone ? "the Maestro was unplugged" : libusb_strerror(rc), gone,
+                       gone ? FaultKind::unplugged : FaultKind::other};
             break;
         }
         ++submitted;
@@ -295,7 +380,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
             abandoned_ = true;
             pending_.release();  // see close()
             pending_ = std::make_unique<std::array<Pending, max_channels>>();
-            return {"USB does not give the transfers to the Maestro back", true};
+            return {"USB does not give the transfers to the Maestro back", true, FaultKind::silent};
         }
     }
     for (std::size_t i = 0; i < submitted; ++i) {
@@ -309,13 +394,16 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
 class DryLink final : public BoardLink {
   public:
     DryLink(LinkSettings settings, const std::filesystem::path& log)
-        : settings_(std::move(settings)), log_(std::fopen(log.c_str(), "w"), &std::fclose), path_(log) {}
+        : settings_(std::move(settings)), log_(nullptr, &std::fclose), path_(log) {
+        std::error_code problem;
+        if (log.has_parent_path()) std::filesystem::create_directories(log.parent_path(), problem);
+        log_.reset(std::fopen(log.c_str(), "w"));
+    }
 
     std::string open(std::span<WireValue>) override {
         if (!log_) return path_.string() + ": cannot be written";
         std::fputs("time_s,bmRequestType,bRequest,wValue,wIndex\n", log_.get());
-        for (const auto& [channel, speed] : settings_.speed_us_per_s)
-            line(set_speed(channel, std::uint16_t(std::ceil(speed / 25))));
+        limit_speed(first_move_share);
         line(clear_errors());
         return "";
     }
@@ -331,6 +419,11 @@ class DryLink final : public BoardLink {
     }
     LinkProblem feed() override {
         line(clear_errors());
+        return {};
+    }
+    LinkProblem limit_speed(double share) override {
+        for (const auto& [channel, limits] : settings_.limits)
+            line(set_speed(channel, std::uint16_t(std::ceil(share * limits.speed / 25))));
         return {};
     }
 
@@ -359,9 +452,26 @@ std::vector<BoardInfo> find_boards() {
     return boards;
 }
 
+std::string watchdog_problem(int watchdog_ms, const std::map<int, int>& homes) {
+    if (watchdog_ms == 0) return "its watchdog is off: servos would hold their force";
+    if (watchdog_ms > longest_watchdog_ms)
+        return "its watchdog waits " + std::to_string(watchdog_ms) + " ms, and may wait " +
+               std::to_string(longest_watchdog_ms) + " at most: servos would hold their force for so long";
+    for (const auto& [channel, home] : homes)
+        if (home == home_ignore)
+            return "the home of channel " + std::to_string(channel) +
+                   " is \"ignore\": its watchdog would leave the servo as it is";
+    return "";
+}
+
 std::string set_watchdog(const std::string& serial, int timeout) try {
     const Context context = open_context();
     auto [info, handle] = open_board(context.get(), serial);
+    DeviceLock lock;
+    lock.take(node_of(info), "the Maestro " + info.serial);
+    for (int c = 0; c < info.channels; ++c)
+        if (parameter(handle.get(), home_parameter(c), 2) == home_ignore)
+            transfer(handle.get(), set_parameter(home_parameter(c), 2, 0));
     const auto value = std::uint16_t(std::clamp((timeout + 9) / 10, 1, 65535));
     transfer(handle.get(), set_parameter(serial_timeout_parameter, 2, value));
     transfer(handle.get(), reinitialise());

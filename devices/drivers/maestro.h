@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "devices/drivers/board.h"
+#include "devices/drivers/board_link.h"
 
 namespace palpate::maestro {
 
@@ -32,15 +32,26 @@ struct BoardInfo {
 /// All boards, those in their bootloader too. Throws std::runtime_error where USB itself cannot be used.
 std::vector<BoardInfo> find_boards();
 
-/// Writes the serial timeout (the board's watchdog), so that servos go home when nothing was heard for this long.
+/// Writes the serial timeout (the board's watchdog), so that servos go home when nothing was heard for this long; home
+/// becomes "off" for channels that would be left where they are. Refused while a program drives the board.
 /// Returns what is wrong, or nothing.
 std::string set_watchdog(const std::string& serial, int timeout_ms);
 
 struct LinkSettings {
-    std::string serial;                    ///< empty: the only board there is
-    std::map<int, double> speed_us_per_s;  ///< per channel: the board's own speed limit
-    bool need_watchdog = true;             ///< refuse a board whose watchdog is off
+    std::string serial;  ///< empty: the only board there is
+    struct Limits {
+        double speed = 0, acceleration = 0;  ///< the board's own [us/s], [us/s^2]; 0: none
+    };
+    std::map<int, Limits> limits;  ///< per channel
+    bool need_watchdog = true;     ///< refuse a board whose servos would not let go
 };
+
+/// Watchdogs that are accepted [ms]: longer ones let a finger be pressed for too long.
+inline constexpr int longest_watchdog_ms = 500, usual_watchdog_ms = 200;
+/// What a board would do with its servos if the program were killed, where that is not safe: for `channels`, or for
+/// none yet. Empty where nothing is wrong.
+std::string watchdog_problem(int watchdog_ms, const std::map<int, int>& homes);
+
 std::unique_ptr<BoardLink> make_link(const LinkSettings& settings);
 
 /// Writes the transfers to a file instead, one line each, with the time since it was opened.

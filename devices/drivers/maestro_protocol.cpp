@@ -23,6 +23,7 @@ std::optional<int> channels_of_product(std::uint16_t product) {
 
 Request set_target(int channel, WireValue quarter_us) { return {out, 0x85, quarter_us, std::uint16_t(channel)}; }
 Request set_speed(int channel, std::uint16_t limit) { return {out, 0x84, limit, std::uint16_t(channel)}; }
+Request set_acceleration(int channel, std::uint8_t limit) { return {out, 0x84, limit, std::uint16_t(channel | 0x80)}; }
 Request clear_errors() { return {out, 0x86, 0, 0}; }
 Request get_variables(int channels) {
     return {in, 0x83, 0, 0, std::uint16_t(channels == 6 ? micro_header + 6 * bytes_per_servo : mini_variables)};

@@ -28,6 +28,8 @@ struct Request {
 Request set_target(int channel, WireValue quarter_us);
 /// Speed limit in 0.25 us / 10 ms; 0 = none.
 Request set_speed(int channel, std::uint16_t limit);
+/// Acceleration limit in 0.25 us / 10 ms / 80 ms; 0 = none.
+Request set_acceleration(int channel, std::uint8_t limit);
 Request clear_errors();
 Request get_variables(int channels);
 Request get_servo_settings(int channels);  ///< boards of 12 channels and more
@@ -35,11 +37,14 @@ Request get_parameter(int parameter, int bytes);
 Request set_parameter(int parameter, int bytes, std::uint16_t value);
 Request reinitialise();
 
-inline constexpr int serial_timeout_parameter = 6;  ///< u16, 10 ms: the board's watchdog; 0 = off
+inline constexpr int serial_timeout_parameter = 6;       ///< u16, 10 ms: the board's watchdog; 0 = off
+inline constexpr std::uint16_t serial_timeout = 1 << 5;  ///< error bit: it has bitten
 /// Parameters of servo i: home u16 (0 = off, 1 = ignore), smallest and largest pulse u8 in 16 us.
 inline constexpr int home_parameter(int servo) { return 30 + 9 * servo; }
 inline constexpr int min_parameter(int servo) { return 32 + 9 * servo; }
 inline constexpr int max_parameter(int servo) { return 33 + 9 * servo; }
+
+inline constexpr int home_ignore = 1;
 
 struct Variables {
     std::uint16_t errors;

@@ -1,251 +1,373 @@
 #include "devices/drivers/serial_bus.h"
 
-#include <fcntl.h>
-#include <poll.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <chrono>
 #include <cmath>
-#include <cstring>
+#include <map>
 #include <stdexcept>
 
-#include "devices/drivers/serial_protocol.h"
+#include "devices/drivers/serial_line.h"
 
 namespace palpate {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Clock = SerialLine::Clock;
+using std::chrono::milliseconds;
 
-/// A tty in raw mode.
-class Line {
+constexpr int watchdog_ticks = 10;                ///< of a Dynamixel, 20 ms each
+constexpr auto ask_all_after = milliseconds(90);  ///< without a word, every servo's watchdog is looked at
+
+/// In a signal handler: what fits into the line's buffer.
+bool write_now(int fd, SerialProtocol protocol, std::span<const ChannelTarget> targets) noexcept {
+    std::uint8_t bytes[512];
+    const std::size_t size = fd >= 0 ? encode_targets(protocol, targets, bytes) : 0;
+    return size > 0 && ::write(fd, bytes, size) == ssize_t(size);
+}
+
+/// A Pololu Maestro by its compact protocol.
+class CompactLink final : public BoardLink {
   public:
-    ~Line() { close(); }
-    void open(const std::string& port, int baud) {
-        fd_ = ::open(port.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-        if (fd_ < 0) throw std::runtime_error(port + " cannot be opened: " + std::strerror(errno));
-        termios t{};
-        if (tcgetattr(fd_, &t) != 0) throw std::runtime_error(port + " is not a serial port");
-        cfmakeraw(&t);
-        t.c_cflag |= CLOCAL | CREAD;
-        const speed_t speed = baud == 1000000 ? B1000000 : baud == 115200 ? B115200 : B57600;
-        cfsetispeed(&t, speed);
-        cfsetospeed(&t, speed);
-        if (tcsetattr(fd_, TCSANOW, &t) != 0) throw std::runtime_error(port + ": its speed cannot be set");
-        tcflush(fd_, TCIOFLUSH);
-    }
-    void close() {
-        if (fd_ >= 0) ::close(fd_);
-        fd_ = -1;
-    }
-    bool is_open() const { return fd_ >= 0; }
-    /// All of it within 100 ms, or what went wrong.
-    LinkProblem write(const Bytes& bytes) {
-        const auto end = Clock::now() + std::chrono::milliseconds(100);
-        for (std::size_t at = 0; at < bytes.size();) {
-            const auto n = ::write(fd_, bytes.data() + at, bytes.size() - at);
-            if (n > 0) {
-                at += std::size_t(n);
-            } else if (n < 0 && errno != EAGAIN && errno != EINTR) {
-                return {std::string("the serial port is gone: ") + std::strerror(errno), true};
-            } else if (!wait(POLLOUT, end)) {
-                return {"the serial port takes no more bytes"};
-            }
-        }
-        return {};
-    }
-    /// What comes until `end`, at least one byte; empty on timeout.
-    Bytes read(Clock::time_point end) {
-        std::uint8_t bytes[256];
-        if (!wait(POLLIN, end)) return {};
-        const auto n = ::read(fd_, bytes, sizeof bytes);
-        return n > 0 ? Bytes(bytes, bytes + n) : Bytes{};
-    }
-
-  private:
-    bool wait(short what, Clock::time_point end) const {
-        const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - Clock::now()).count();
-        pollfd p{fd_, what, 0};
-        return left > 0 && ::poll(&p, 1, int(left)) > 0 && (p.revents & what);
-    }
-    int fd_ = -1;
-};
-
-class SerialBus final : public BoardLink {
-  public:
-    explicit SerialBus(SerialBusSettings settings)
-        : settings_(std::move(settings)),
-          reader_(settings_.protocol == SerialProtocol::dynamixel ? StatusReader::Protocol::dynamixel
-                                                                  : StatusReader::Protocol::feetech) {
-        measures = settings_.protocol != SerialProtocol::maestro_compact;
-        steps_per_unit = measures ? 1 : 4;
-        if (settings_.baud == 0) settings_.baud = settings_.protocol == SerialProtocol::feetech ? 1000000 : 57600;
-    }
+    explicit CompactLink(SerialBusSettings settings) : settings_(std::move(settings)) {}
 
     std::string open(std::span<WireValue> positions) override try {
         close();
-        if (settings_.need_watchdog && settings_.protocol != SerialProtocol::dynamixel)
-            throw std::runtime_error(
-                settings_.port +
-                ": this protocol cannot tell whether servos let go when this program is killed; --no-watchdog goes on");
-        line_.open(settings_.port, settings_.baud);
-        if (settings_.protocol == SerialProtocol::maestro_compact) {
-            for (int c : settings_.channels) positions[std::size_t(c)] = ask_compact(compact::get_position(c));
-            if (settings_.speed_units_per_s > 0)
-                for (int c : settings_.channels)
-                    must(
-                        line_.write(compact::set_speed(c, std::uint16_t(std::ceil(settings_.speed_units_per_s / 25)))));
-            ask_compact(compact::get_errors());
-        } else {
-            read(settings_.channels, positions);
-            for (int c : settings_.channels)
-                if (positions[std::size_t(c)] == no_pulse)
-                    throw std::runtime_error(settings_.port + ": no servo answers with id " + std::to_string(c));
-            prepare_servos();
-        }
+        line_.open(settings_.port, settings_.baud ? settings_.baud : 57600);
+        for (int c : settings_.channels) positions[std::size_t(c)] = ask(compact::get_position(c));
+        if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
+        ask(compact::get_errors());  // of what was before
         return "";
     } catch (const std::exception& error) {
         close();
         return error.what();
     }
-
-    void close() override {
-        // The servos keep their mode: back to plain positions, let go, for whoever uses them next.
-        if (line_.is_open() && settings_.protocol == SerialProtocol::dynamixel)
-            for (int c : settings_.force_channels) {
-                const auto id = std::uint8_t(c);
-                line_.write(dynamixel::write_register(id, dynamixel::torque_enable, 1, 0));
-                line_.write(dynamixel::write_register(id, dynamixel::operating_mode, 1, dynamixel::plain_position));
-            }
-        line_.close();
-        reader_.clear();
-    }
-
+    void close() override { line_.close(); }
     LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
-        if (!line_.is_open()) return {"the serial port is not open", true};
-        const Bytes bytes = settings_.protocol == SerialProtocol::maestro_compact ? compact::set_targets(targets, true)
-                            : settings_.protocol == SerialProtocol::dynamixel     ? dynamixel::write_targets(targets)
-                                                                                  : feetech::write_targets(targets);
-        const LinkProblem problem = line_.write(bytes);
+        const LinkProblem problem = line_.write(compact::set_targets(targets, true));
         if (!problem) std::fill(arrived.begin(), arrived.end(), char(1));
         return problem;
     }
-
-    LinkProblem write_torques(std::span<const ChannelTarget> limits) override {
-        if (!line_.is_open()) return {"the serial port is not open", true};
-        if (!measures) return {"a Maestro cannot limit the force of its servos", true};
-        return line_.write(settings_.protocol == SerialProtocol::dynamixel ? dynamixel::write_torques(limits)
-                                                                           : feetech::write_torques(limits));
+    LinkProblem write_torques(std::span<const ChannelTarget>) override {
+        return {"a Maestro cannot limit the force of its servos", true, FaultKind::refused};
     }
-
     LinkProblem feed() override try {
-        if (!line_.is_open()) return {"the serial port is not open", true};
-        if (measures) return heard_ ? LinkProblem{} : LinkProblem{"no servo answers"};
-        const std::uint16_t errors = ask_compact(compact::get_errors());
-        return errors ? LinkProblem{"the Maestro reports errors, bits " + std::to_string(errors)} : LinkProblem{};
-    } catch (const std::exception& error) { return {error.what()}; }
-
-    void read(std::span<const int> channels, std::span<WireValue> positions) override {
-        if (!measures || channels.empty()) return;
-        const bool is_dynamixel = settings_.protocol == SerialProtocol::dynamixel;
-        if (line_.write(is_dynamixel ? dynamixel::read_positions(channels) : feetech::read_positions(channels))) {
-            heard_ = false;
-            return;
+        const std::uint16_t errors = ask(compact::get_errors());
+        constexpr std::uint16_t timeout = 1 << 5;
+        if (errors & timeout)
+            return {"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
+        if (errors) return {"the Maestro reports errors, bits " + std::to_string(errors), false, FaultKind::reported};
+        return {};
+    } catch (const std::exception& error) { return {error.what(), false, FaultKind::silent}; }
+    LinkProblem limit_speed(double share) override {
+        Bytes all;
+        for (int c : settings_.channels) {
+            const double units = std::ceil(share * settings_.speed_units_per_s / 25);
+            const Bytes one = compact::set_speed(c, std::uint16_t(std::clamp(units, 1.0, 16383.0)));
+            if (settings_.speed_units_per_s > 0) all.insert(all.end(), one.begin(), one.end());
         }
-        std::size_t missing = channels.size();
-        const auto end = Clock::now() + std::chrono::milliseconds(50);
-        while (missing > 0) {
-            const Bytes bytes = line_.read(end);
-            if (bytes.empty()) break;
-            reader_.add(bytes);
-            while (const auto p = reader_.next()) {
-                if (std::find(channels.begin(), channels.end(), p->id) == channels.end() || p->parameters.size() < 2)
-                    continue;
-                const int value = p->parameters[0] | p->parameters[1] << 8;
-                // Beyond a turn the position has a sign: no finger thimble gets there.
-                positions[std::size_t(p->id)] = WireValue(value == 0 ? 1 : std::min(value, 0x7fff));
-                --missing;
-            }
-        }
-        heard_ = missing == 0;
+        return line_.write(all);
+    }
+    bool write_in_signal(std::span<const ChannelTarget> targets) noexcept override {
+        return write_now(line_.fd(), SerialProtocol::maestro_compact, targets);
     }
 
   private:
-    void must(const LinkProblem& problem) {
-        if (problem) throw std::runtime_error(settings_.port + ": " + problem.text);
-    }
-    std::uint16_t ask_compact(const Bytes& request) {
-        must(line_.write(request));
+    std::uint16_t ask(const Bytes& request) {
+        line_.discard();
+        if (const auto problem = line_.write(request)) throw std::runtime_error(settings_.port + ": " + problem.text);
         Bytes reply;
-        const auto end = Clock::now() + std::chrono::milliseconds(60);
+        const auto end = Clock::now() + milliseconds(60);
         while (reply.size() < 2) {
             const Bytes more = line_.read(end);
             if (more.empty()) throw std::runtime_error(settings_.port + ": no answer");
             reply.insert(reply.end(), more.begin(), more.end());
         }
+        if (reply.size() > 2) throw std::runtime_error(settings_.port + ": an answer of more than two bytes");
         return std::uint16_t(reply[0] | reply[1] << 8);
-    }
-    /// Speed limit, watchdog of 200 ms where there is one, torque on.
-    void prepare_servos() {
-        for (int c : settings_.channels) {
-            const auto id = std::uint8_t(c);
-            const double ticks = settings_.speed_units_per_s;
-            if (settings_.protocol == SerialProtocol::dynamixel) {
-                const auto velocity = std::uint32_t(std::ceil(ticks / 4096 * 60 / 0.229));  // 0.229 turns a minute
-                must(line_.write(dynamixel::write_register(id, dynamixel::bus_watchdog, 1, 0)));
-                if (limits_force(c)) prepare_force(id);
-                if (ticks > 0)
-                    must(line_.write(dynamixel::write_register(id, dynamixel::profile_velocity, 4, velocity)));
-                must(line_.write(dynamixel::write_register(id, dynamixel::torque_enable, 1, 1)));
-                must(line_.write(dynamixel::write_register(id, dynamixel::bus_watchdog, 1, 10)));
-            } else {
-                if (ticks > 0)
-                    must(line_.write(feetech::write_register(id, feetech::goal_speed, 2, std::uint32_t(ticks))));
-                must(line_.write(feetech::write_register(id, feetech::torque_enable, 1, 1)));
-            }
-        }
-    }
-
-    bool limits_force(int channel) const {
-        const auto& f = settings_.force_channels;
-        return std::find(f.begin(), f.end(), channel) != f.end();
-    }
-    /// Position with limited current: a mode that not every servo has. No force before the first limit comes.
-    void prepare_force(std::uint8_t id) {
-        must(line_.write(dynamixel::write_register(id, dynamixel::torque_enable, 1, 0)));
-        must(line_.write(
-            dynamixel::write_register(id, dynamixel::operating_mode, 1, dynamixel::current_based_position)));
-        must(line_.write(dynamixel::write_register(id, dynamixel::goal_current, 2, 0)));
-        must(line_.write(dynamixel::read_register(id, dynamixel::operating_mode, 1)));
-        const auto end = Clock::now() + std::chrono::milliseconds(60);
-        while (true) {
-            const Bytes bytes = line_.read(end);
-            if (bytes.empty()) break;
-            reader_.add(bytes);
-            while (const auto p = reader_.next())
-                if (p->id == id && p->parameters.size() == 1) {
-                    if (p->parameters[0] == dynamixel::current_based_position) return;
-                    throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) +
-                                             " has no current-based position mode, which mode = \"force\" needs");
-                }
-        }
-        throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) +
-                                 " does not tell its operating mode");
     }
 
     SerialBusSettings settings_;
-    Line line_;
-    StatusReader reader_;
-    bool heard_ = true;
+    SerialLine line_;
 };
+
+/// Dynamixel and Feetech bus servos. The line is half-duplex: nothing is said before an answer has come, or is overdue.
+class ServoBus final : public BoardLink {
+  public:
+    explicit ServoBus(SerialBusSettings settings)
+        : settings_(std::move(settings)),
+          dynamixel_(settings_.protocol == SerialProtocol::dynamixel),
+          reader_(dynamixel_ ? StatusReader::Protocol::dynamixel : StatusReader::Protocol::feetech) {
+        measures = true;
+        steps_per_unit = 1;
+        if (settings_.baud == 0) settings_.baud = dynamixel_ ? 57600 : 1000000;
+    }
+
+    std::string open(std::span<WireValue> positions) override;
+    void close() override;
+    LinkProblem activate() override;
+    void deactivate() override { switch_torque_off(settings_.channels); }
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+        const LinkProblem problem =
+            line_.write(dynamixel_ ? dynamixel::write_targets(targets) : feetech::write_targets(targets));
+        if (!problem) std::fill(arrived.begin(), arrived.end(), char(1));
+        return problem;
+    }
+    LinkProblem write_torques(std::span<const ChannelTarget> limits) override {
+        return line_.write(dynamixel_ ? dynamixel::write_torques(limits) : feetech::write_torques(limits));
+    }
+    LinkProblem feed() override;
+    LinkProblem read(std::span<const int> channels, std::span<WireValue> positions) override;
+    LinkProblem limit_speed(double share) override;
+    bool write_in_signal(std::span<const ChannelTarget> targets) noexcept override {
+        return write_now(line_.fd(), settings_.protocol, targets);
+    }
+
+  private:
+    struct Register {
+        int address, size;
+        const char* name;
+    };
+    LinkProblem send_all(const Register& r, std::span<const int> ids, int value) const;
+    std::optional<StatusPacket> answer(Clock::time_point end);
+    Clock::time_point reply_deadline(std::size_t replies, int size) const;
+    int ask(int id, const Register& r);
+    void set(int id, const Register& r, int value);
+    LinkProblem read_all(const Register& r, std::span<const int> ids, std::map<int, int>& values);
+    LinkProblem problem_of(const StatusPacket& p);
+    void prepare(int id, int position);
+    int own_speed(double share) const;
+    void switch_torque_off(std::span<const int> ids);
+    bool limits_force(int id) const {
+        return std::find(settings_.force_channels.begin(), settings_.force_channels.end(), id) !=
+               settings_.force_channels.end();
+    }
+    Register torque_enable() const {
+        return {dynamixel_ ? dynamixel::torque_enable : feetech::torque_enable, 1, "torque switch"};
+    }
+    Register goal() const {
+        return {dynamixel_ ? dynamixel::goal_position : feetech::goal_position, dynamixel_ ? 4 : 2, "goal position"};
+    }
+    Register speed() const {
+        return {dynamixel_ ? dynamixel::profile_velocity : feetech::goal_speed, dynamixel_ ? 4 : 2, "speed limit"};
+    }
+    static constexpr Register watchdog{dynamixel::bus_watchdog, 1, "watchdog"};
+
+    mutable SerialLine line_{};
+    SerialBusSettings settings_;
+    bool dynamixel_;
+    StatusReader reader_;
+    Clock::time_point asked_{};
+    std::size_t next_watchdog_ = 0;
+};
+
+/// When `replies` of so many bytes of data must all have come.
+Clock::time_point ServoBus::reply_deadline(std::size_t replies, int size) const {
+    const double bytes = 30 + double(replies) * (size + 15);
+    return Clock::now() + milliseconds(25 + int(1.5e4 * bytes / settings_.baud));
+}
+
+std::optional<StatusPacket> ServoBus::answer(Clock::time_point end) {
+    while (true) {
+        if (auto p = reader_.next()) return p;
+        const Bytes bytes = line_.read(end);
+        if (bytes.empty()) return std::nullopt;
+        reader_.add(bytes);
+    }
+}
+
+/// What a servo's error byte says.
+LinkProblem ServoBus::problem_of(const StatusPacket& p) {
+    if (p.error == 0) return {};
+    if (!dynamixel_) return feetech::problem_of(p.id, p.error);
+    int hardware = 0;
+    if (p.error & 0x80) {
+        line_.write(dynamixel::read_register(std::uint8_t(p.id), dynamixel::hardware_error, 1));
+        const auto reply = answer(reply_deadline(1, 1));
+        if (reply && reply->id == p.id && reply->parameters.size() == 1) hardware = reply->parameters[0];
+    }
+    return dynamixel::problem_of(p.id, p.error, hardware);
+}
+
+/// One register of several servos, each of which has to answer once, for itself.
+LinkProblem ServoBus::read_all(const Register& r, std::span<const int> ids, std::map<int, int>& values) {
+    line_.discard();
+    reader_.clear();
+    if (const auto p = line_.write(dynamixel_ ? dynamixel::read_all(r.address, r.size, ids)
+                                              : feetech::read_all(r.address, r.size, ids)))
+        return p;
+    const auto end = reply_deadline(ids.size(), r.size);
+    std::optional<StatusPacket> complaint;
+    LinkProblem problem;
+    for (std::size_t replies = 0; replies < ids.size(); ++replies) {
+        const auto p = answer(end);
+        if (!p) break;
+        const std::string servo = "servo " + std::to_string(p->id);
+        if (std::find(ids.begin(), ids.end(), p->id) == ids.end() || values.count(p->id)) {
+            problem = {servo + (values.count(p->id) ? " answers twice" : " answers and was not asked"), false,
+                       FaultKind::wrong_servo};
+            continue;
+        }
+        if (p->error) complaint = p;
+        if (int(p->parameters.size()) != r.size) {
+            if (!p->error) problem = {servo + " answers with another length", false, FaultKind::bad_reply};
+            continue;
+        }
+        std::uint32_t value = 0;
+        for (int k = 0; k < r.size; ++k) value |= std::uint32_t(p->parameters[std::size_t(k)]) << 8 * k;
+        values[p->id] = int(value);
+    }
+    asked_ = Clock::now();
+    return complaint ? problem_of(*complaint) : problem;
+}
+
+int ServoBus::ask(int id, const Register& r) {
+    std::map<int, int> values;
+    const int ids[] = {id};
+    if (const auto problem = read_all(r, ids, values)) throw std::runtime_error(settings_.port + ": " + problem.text);
+    if (!values.count(id))
+        throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) + " does not tell its " + r.name);
+    return values[id];
+}
+
+/// Writes a register of one servo, awaits its answer, and reads it back.
+void ServoBus::set(int id, const Register& r, int value) {
+    line_.discard();
+    reader_.clear();
+    const auto servo = std::uint8_t(id);
+    const auto wide = std::uint32_t(value);
+    const LinkProblem problem = line_.write(dynamixel_ ? dynamixel::write_register(servo, r.address, r.size, wide)
+                                                       : feetech::write_register(servo, r.address, r.size, wide));
+    if (problem) throw std::runtime_error(settings_.port + ": " + problem.text);
+    answer(Clock::now() + milliseconds(20));  // some are set to be silent: what counts is what is read back
+    if (const int now = ask(id, r); now != value)
+        throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) + " does not keep its " + r.name +
+                                 ": " + std::to_string(value) + " reads back as " + std::to_string(now));
+}
+
+int ServoBus::own_speed(double share) const {
+    const double ticks = share * settings_.speed_units_per_s;
+    const double units = dynamixel_ ? ticks / 4096 * 60 / 0.229 : ticks;  // 0.229 turns a minute
+    return int(std::clamp(std::ceil(units), 1.0, 32000.0));
+}
+
+/// Torque off, goal where the servo is, limits, watchdog; nothing moves.
+void ServoBus::prepare(int id, int position) {
+    if (dynamixel_) set(id, watchdog, 0);  // one that has bitten refuses everything else
+    set(id, torque_enable(), 0);
+    if (limits_force(id) && dynamixel_) {
+        const Register mode{dynamixel::operating_mode, 1, "operating mode"};
+        try {
+            set(id, mode, dynamixel::current_based_position);
+        } catch (const std::runtime_error& error) {
+            throw std::runtime_error(std::string(error.what()) +
+                                     "; it has no current-based position mode, which mode = \"force\" needs");
+        }
+        set(id, {dynamixel::goal_current, 2, "goal current"}, 0);  // no force before the first limit comes
+    }
+    const double acceleration = settings_.acceleration_units_per_s2;
+    if (acceleration > 0 && dynamixel_)  // 214.577 turns per minute^2
+        set(id, {dynamixel::profile_acceleration, 4, "acceleration limit"},
+            int(std::clamp(std::ceil(acceleration / 4096 * 3600 / 214.577), 1.0, 32767.0)));
+    if (acceleration > 0 && !dynamixel_)  // 100 steps/s^2; 0 is none, where more is asked for than it counts
+        set(id, {feetech::acceleration, 1, "acceleration limit"},
+            acceleration <= 25400 ? int(std::ceil(acceleration / 100)) : 0);
+    if (settings_.speed_units_per_s > 0) set(id, speed(), own_speed(first_move_share));
+    set(id, goal(), position);
+}
+
+std::string ServoBus::open(std::span<WireValue> positions) try {
+    close();
+    line_.open(settings_.port, settings_.baud);
+    if (const auto problem = read(settings_.channels, positions))
+        throw std::runtime_error(settings_.port + ": " + problem.text);
+    for (int c : settings_.channels)
+        if (positions[std::size_t(c)] == no_pulse)
+            throw std::runtime_error(settings_.port + ": no servo answers with id " + std::to_string(c));
+    for (int c : settings_.channels) prepare(c, positions[std::size_t(c)]);
+    return "";
+} catch (const std::exception& error) {
+    close();
+    return error.what();
+}
+
+LinkProblem ServoBus::activate() try {
+    for (int c : settings_.channels) set(c, torque_enable(), 1);
+    if (dynamixel_)
+        for (int c : settings_.channels) set(c, watchdog, watchdog_ticks);
+    return {};
+} catch (const std::exception& error) { return {error.what(), true, FaultKind::refused}; }
+
+LinkProblem ServoBus::send_all(const Register& r, std::span<const int> ids, int value) const {
+    std::vector<ChannelTarget> values;
+    for (int id : ids) values.push_back({id, WireValue(value)});
+    if (values.empty()) return {};
+    return line_.write(dynamixel_ ? dynamixel::write_all(r.address, r.size, values)
+                                  : feetech::write_all(r.address, r.size, values));
+}
+
+LinkProblem ServoBus::limit_speed(double share) {
+    return settings_.speed_units_per_s > 0 ? send_all(speed(), settings_.channels, own_speed(share)) : LinkProblem{};
+}
+
+/// Each servo is told by itself, too: one whose checksum went wrong in the packet for all must not hold on.
+void ServoBus::switch_torque_off(std::span<const int> ids) {
+    if (!line_.is_open()) return;
+    if (dynamixel_) send_all(watchdog, ids, 0);  // one that has bitten refuses
+    send_all(torque_enable(), ids, 0);
+}
+
+void ServoBus::close() {
+    // The servos keep their mode: back to plain positions, let go, for whoever uses them next.
+    if (line_.is_open() && dynamixel_ && !settings_.force_channels.empty()) {
+        switch_torque_off(settings_.force_channels);
+        send_all({dynamixel::operating_mode, 1, ""}, settings_.force_channels, dynamixel::plain_position);
+    }
+    line_.close();
+    reader_.clear();
+}
+
+/// One servo's watchdog in each turn; those of all after a pause, before anything is sent.
+LinkProblem ServoBus::feed() {
+    if (!dynamixel_) return line_.is_open() ? LinkProblem{} : LinkProblem{"the serial port is not open", true};
+    if (settings_.channels.empty()) return {};
+    const bool all = Clock::now() - asked_ > ask_all_after;
+    const std::size_t turn = next_watchdog_++ % settings_.channels.size();
+    const std::span<const int> ids(settings_.channels);
+    std::map<int, int> values;
+    const LinkProblem problem = read_all(watchdog, all ? ids : ids.subspan(turn, 1), values);
+    for (const auto& [id, value] : values)
+        if (value == 0xFF)
+            return {"the watchdog of servo " + std::to_string(id) + " has bitten: it does not listen any more", true,
+                    FaultKind::watchdog};
+    if (!problem && values.empty())
+        return {"servo " + std::to_string(ids[turn]) + " does not answer", false, FaultKind::silent};
+    return problem;
+}
+
+LinkProblem ServoBus::read(std::span<const int> channels, std::span<WireValue> positions) {
+    std::map<int, int> values;
+    const Register present{dynamixel_ ? dynamixel::present_position : feetech::present_position, dynamixel_ ? 4 : 2,
+                           ""};
+    if (channels.empty()) return {};
+    const LinkProblem problem = read_all(present, channels, values);
+    for (const auto& [id, raw] : values) {
+        // Below zero, and beyond what counts here: no finger thimble gets there.
+        const int value = !dynamixel_ && raw & 0x8000 ? -(raw & 0x7fff) : raw;
+        positions[std::size_t(id)] = WireValue(std::clamp(value, 1, 0x7fff));
+    }
+    return problem;
+}
 
 }  // namespace
 
 std::unique_ptr<BoardLink> make_serial_bus(const SerialBusSettings& settings) {
-    return std::make_unique<SerialBus>(settings);
+    if (settings.need_watchdog && settings.protocol != SerialProtocol::dynamixel)
+        throw std::runtime_error(
+            settings.port +
+            ": this protocol cannot tell whether servos let go when this program is killed; --no-watchdog goes on");
+    if (settings.protocol == SerialProtocol::maestro_compact) return std::make_unique<CompactLink>(settings);
+    return std::make_unique<ServoBus>(settings);
 }
 
 }  // namespace palpate

@@ -81,8 +81,6 @@ Bytes read_register(std::uint8_t id, int address, int size) {
     return instruction(id, read, p);
 }
 
-namespace {
-/// One register of several servos.
 Bytes write_all(int address, int size, std::span<const ChannelTarget> values) {
     Bytes p;
     append(p, std::uint32_t(address), 2);
@@ -93,17 +91,37 @@ Bytes write_all(int address, int size, std::span<const ChannelTarget> values) {
     }
     return instruction(broadcast, sync_write, p);
 }
-}  // namespace
 
 Bytes write_targets(std::span<const ChannelTarget> targets) { return write_all(goal_position, 4, targets); }
 Bytes write_torques(std::span<const ChannelTarget> limits) { return write_all(goal_current, 2, limits); }
 
-Bytes read_positions(std::span<const int> channels) {
+Bytes read_all(int address, int size, std::span<const int> ids) {
     Bytes p;
-    append(p, present_position, 2);
-    append(p, 4, 2);
-    for (int c : channels) p.push_back(std::uint8_t(c));
+    append(p, std::uint32_t(address), 2);
+    append(p, std::uint32_t(size), 2);
+    for (int id : ids) p.push_back(std::uint8_t(id));
     return instruction(broadcast, sync_read, p);
+}
+Bytes read_positions(std::span<const int> channels) { return read_all(present_position, 4, channels); }
+
+LinkProblem problem_of(int id, int error, int hardware) {
+    const std::string servo = "servo " + std::to_string(id);
+    if (error & 0x80) {
+        if (hardware & 0x04) return {servo + " is overheated", true, FaultKind::overheated};
+        if (hardware & 0x20) return {servo + " is overloaded", true, FaultKind::overloaded};
+        const char* what = hardware & 0x01 ? "its supply voltage" : hardware & 0x08 ? "its encoder" : "its electronics";
+        return {servo + " reports a hardware error: " + what, true, FaultKind::electrical};
+    }
+    static constexpr const char* names[] = {"",
+                                            "it failed",
+                                            "an unknown instruction",
+                                            "a wrong checksum",
+                                            "a value out of range",
+                                            "a wrong length",
+                                            "a value beyond its limits",
+                                            "no access"};
+    if (error == 0) return {};
+    return {servo + " refuses: " + (error < 8 ? names[error] : "an unknown error"), false, FaultKind::refused};
 }
 
 }  // namespace dynamixel
@@ -129,28 +147,74 @@ Bytes read_register(std::uint8_t id, int address, int size) {
     return instruction(id, 2, Bytes{std::uint8_t(address), std::uint8_t(size)});
 }
 
-namespace {
-/// One register of two bytes of several servos.
-Bytes write_all(int address, std::span<const ChannelTarget> values) {
-    Bytes p{std::uint8_t(address), 2};
+Bytes write_all(int address, int size, std::span<const ChannelTarget> values) {
+    Bytes p{std::uint8_t(address), std::uint8_t(size)};
     for (const ChannelTarget& v : values) {
         p.push_back(std::uint8_t(v.channel));
-        append(p, v.value, 2);
+        append(p, v.value, size);
     }
     return instruction(0xFE, 0x83, p);
 }
-}  // namespace
-
-Bytes write_targets(std::span<const ChannelTarget> targets) { return write_all(goal_position, targets); }
-Bytes write_torques(std::span<const ChannelTarget> limits) { return write_all(torque_limit, limits); }
-
-Bytes read_positions(std::span<const int> channels) {
-    Bytes p{present_position, 2};
-    for (int c : channels) p.push_back(std::uint8_t(c));
+Bytes read_all(int address, int size, std::span<const int> ids) {
+    Bytes p{std::uint8_t(address), std::uint8_t(size)};
+    for (int id : ids) p.push_back(std::uint8_t(id));
     return instruction(0xFE, 0x82, p);
 }
 
+Bytes write_targets(std::span<const ChannelTarget> targets) { return write_all(goal_position, 2, targets); }
+Bytes write_torques(std::span<const ChannelTarget> limits) { return write_all(torque_limit, 2, limits); }
+Bytes read_positions(std::span<const int> channels) { return read_all(present_position, 2, channels); }
+
+LinkProblem problem_of(int id, int error) {
+    const std::string servo = "servo " + std::to_string(id);
+    if (error & 0x04) return {servo + " is overheated", true, FaultKind::overheated};
+    if (error & 0x28) return {servo + " is overloaded", true, FaultKind::overloaded};
+    if (error & 0x03)
+        return {servo + " reports a hardware error: " + (error & 0x01 ? "its supply voltage" : "its encoder"), true,
+                FaultKind::electrical};
+    if (error == 0) return {};
+    return {servo + " reports an unknown error, bits " + std::to_string(error), false, FaultKind::reported};
+}
+
 }  // namespace feetech
+
+namespace {
+
+/// Bytes behind each other in memory that is there already.
+struct Packet {
+    std::span<std::uint8_t> out;
+    std::size_t size = 0;
+    void put(std::initializer_list<int> bytes) noexcept {
+        for (int b : bytes)
+            if (size < out.size()) out[size++] = std::uint8_t(b);
+    }
+};
+
+}  // namespace
+
+std::size_t encode_targets(SerialProtocol protocol, std::span<const ChannelTarget> targets,
+                           std::span<std::uint8_t> out) noexcept {
+    Packet p{out};
+    const int count = int(targets.size());
+    if (protocol == SerialProtocol::maestro_compact) {
+        for (const auto& [c, v] : targets) p.put({0x84, c, v & 0x7f, v >> 7 & 0x7f});
+    } else if (protocol == SerialProtocol::feetech) {
+        p.put({0xFF, 0xFF, 0xFE, 4 + 3 * count, 0x83, feetech::goal_position, 2});
+        for (const auto& [c, v] : targets) p.put({c, v, v >> 8});
+        int sum = 0;
+        for (std::size_t i = 2; i < p.size; ++i) sum += out[i];
+        p.put({~sum});
+    } else {
+        // Ids and high bytes are too small for what would have to be stuffed.
+        const int length = 7 + 5 * count;
+        p.put({0xFF, 0xFF, 0xFD, 0, dynamixel::broadcast, length, length >> 8, dynamixel::sync_write,
+               dynamixel::goal_position, 0, 4, 0});
+        for (const auto& [c, v] : targets) p.put({c, v, v >> 8, 0, 0});
+        const std::uint16_t sum = dynamixel::crc(out.first(p.size));
+        p.put({sum, sum >> 8});
+    }
+    return p.size < out.size() ? p.size : 0;
+}
 
 void StatusReader::drop(std::size_t count) {
     discarded += std::int64_t(count);

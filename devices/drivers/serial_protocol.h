@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "devices/drivers/board.h"
+#include "devices/drivers/board_link.h"
 
 namespace palpate {
 
@@ -22,8 +22,9 @@ Bytes get_errors();               ///< the same; clears them
 }  // namespace compact
 
 namespace dynamixel {
-inline constexpr int operating_mode = 11, torque_enable = 64, bus_watchdog = 98, goal_current = 102,
-                     profile_velocity = 112, goal_position = 116, present_position = 132;
+inline constexpr int operating_mode = 11, torque_enable = 64, hardware_error = 70, bus_watchdog = 98,
+                     goal_current = 102, profile_acceleration = 108, profile_velocity = 112, goal_position = 116,
+                     present_position = 132;
 /// Operating modes: a position; a position with a limited current.
 inline constexpr std::uint32_t plain_position = 3, current_based_position = 5;
 inline constexpr std::uint8_t ping = 1, read = 2, write = 3, sync_read = 0x82, sync_write = 0x83, broadcast = 0xFE;
@@ -34,20 +35,39 @@ Bytes instruction(std::uint8_t id, std::uint8_t what, std::span<const std::uint8
 /// Little-endian numbers to or from a register of several servos.
 Bytes write_register(std::uint8_t id, int address, int size, std::uint32_t value);
 Bytes read_register(std::uint8_t id, int address, int size);
+/// One register of several servos, written or asked for in one packet.
+Bytes write_all(int address, int size, std::span<const ChannelTarget> values);
+Bytes read_all(int address, int size, std::span<const int> ids);
 Bytes write_targets(std::span<const ChannelTarget> targets);
 Bytes write_torques(std::span<const ChannelTarget> limits);
 Bytes read_positions(std::span<const int> channels);
+/// What a status packet's error byte says: nothing for 0. `hardware` is the register hardware_error, asked for where
+/// bit 7 (alert) is set.
+LinkProblem problem_of(int id, int error, int hardware);
 }  // namespace dynamixel
 
 namespace feetech {
-inline constexpr int torque_enable = 40, goal_position = 42, goal_speed = 46, torque_limit = 48, present_position = 56;
+inline constexpr int torque_enable = 40, acceleration = 41, goal_position = 42, goal_speed = 46, torque_limit = 48,
+                     present_position = 56;
 Bytes instruction(std::uint8_t id, std::uint8_t what, std::span<const std::uint8_t> parameters);
 Bytes write_register(std::uint8_t id, int address, int size, std::uint32_t value);
 Bytes read_register(std::uint8_t id, int address, int size);
+/// One register of several servos, written or asked for in one packet.
+Bytes write_all(int address, int size, std::span<const ChannelTarget> values);
+Bytes read_all(int address, int size, std::span<const int> ids);
 Bytes write_targets(std::span<const ChannelTarget> targets);
 Bytes write_torques(std::span<const ChannelTarget> limits);
 Bytes read_positions(std::span<const int> channels);
+/// What a status packet's error byte says: nothing for 0.
+LinkProblem problem_of(int id, int error);
 }  // namespace feetech
+
+enum class SerialProtocol { maestro_compact, dynamixel, feetech };
+
+/// Targets as bytes for a signal handler: the same as the write_targets above (set_targets for a Maestro), without
+/// allocating. Returns how many bytes of `out` [512] were used; 0 where they do not fit.
+std::size_t encode_targets(SerialProtocol protocol, std::span<const ChannelTarget> targets,
+                           std::span<std::uint8_t> out) noexcept;
 
 /// What a bus servo answers.
 struct StatusPacket {

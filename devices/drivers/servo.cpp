@@ -42,21 +42,62 @@ WireValue torque_value(const ServoCalibration& servo, double torque) {
 }
 
 WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, double speed_rad_per_s) {
-    return {WireValue(lowest(servo, steps_per_unit)), WireValue(highest(servo, steps_per_unit)),
-            std::abs(servo.units_per_rad) * steps_per_unit * speed_rad_per_s};
+    return {WireValue(lowest(servo, steps_per_unit)),
+            WireValue(highest(servo, steps_per_unit)),
+            std::abs(servo.units_per_rad) * steps_per_unit * speed_rad_per_s,
+            0,
+            0,
+            0};
 }
+
+namespace {
+
+constexpr double longest_credit = 0.03;  ///< time that a pause counts for at most [s]
+constexpr double standing_after = 0.05;  ///< a servo that was told nothing for this long stands [s]
+
+double credit(double elapsed) { return std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, longest_credit) : 0; }
+
+/// Whole values that one step may move by, from a speed in its direction: one at least, where the speed limit has left
+/// time for it.
+double largest_step(double speed, const WireLimits& limits, double elapsed) {
+    const double limit = std::isfinite(limits.speed) ? std::max(0.0, limits.speed) : 0, time = credit(elapsed);
+    const double reached = limits.acceleration > 0 ? std::max(0.0, speed) + limits.acceleration * time : limit;
+    const double step = std::floor(std::min(limit, reached) * time);
+    const bool due = std::isfinite(elapsed) && limit * std::clamp(elapsed, 0.0, 1.0) >= 1;
+    return std::max(step, due ? 1.0 : 0.0);
+}
+
+}  // namespace
 
 WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed) {
     if (limits.max == 0 || limits.min > limits.max || wanted == no_pulse) return no_pulse;
-    double value = std::clamp(double(wanted), double(limits.min), double(limits.max));
-    if (told.low >= limits.min && told.high <= limits.max && told.low <= told.high) {
-        const double time = std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, 0.1) : 0;
-        const double step = std::isfinite(limits.speed) ? std::floor(std::max(0.0, limits.speed) * time) : 0;
+    const double min = limits.min, max = limits.max;
+    double value = std::clamp(double(wanted), min, max);
+    if (told.low != no_pulse && told.low <= told.high) {
+        const double at_least = std::clamp(double(told.low), min, max),
+                     at_most = std::clamp(double(told.high), min, max);
+        const double velocity = elapsed <= standing_after && std::isfinite(told.velocity) ? told.velocity : 0;
         // Within a step of wherever it may be; where no value is, as near to both ends as can be.
-        const double low = told.high - step, high = told.low + step, middle = std::floor(0.5 * (low + high));
+        const double low = at_most - largest_step(-velocity, limits, elapsed),
+                     high = at_least + largest_step(velocity, limits, elapsed), middle = std::floor(0.5 * (low + high));
         value = low <= high ? std::clamp(value, low, high) : middle;
+        value = std::clamp(value, min, max);
     }
     return WireValue(value);
+}
+
+Told told_after(const Told& before, WireValue value, bool arrived, double elapsed, double now) {
+    if (before.low == no_pulse) return {value, value, now, 0};
+    // It may have arrived, all the same.
+    if (!arrived) return {std::min(before.low, value), std::max(before.high, value), now, 0};
+    const double time = credit(elapsed), moved = double(value) - 0.5 * (double(before.low) + double(before.high));
+    return {value, value, now, time > 0 ? moved / time : 0};
+}
+
+WireValue limit_torque_wire(WireValue wanted, WireValue sent, const WireLimits& limits, double elapsed) {
+    if (wanted == no_torque_limit || !(limits.torque_rate > 0)) return wanted;
+    const double from = sent == no_torque_limit ? 0 : sent;
+    return WireValue(std::min(double(wanted), from + std::max(1.0, std::floor(limits.torque_rate * credit(elapsed)))));
 }
 
 double angle_of(const ServoCalibration& servo, double steps_per_unit, WireValue value) {

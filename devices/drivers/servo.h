@@ -15,6 +15,7 @@ struct ServoCalibration {
     double torque_per_Nm = 0;       ///< torque limit of 1 N m [the servo's units]; 0: it has none
     double torque_max = 0;          ///< what may ever be sent as torque limit [the servo's units]
     std::vector<std::string> validate() const;
+    bool operator==(const ServoCalibration&) const = default;
 };
 
 /// What a value on the wire counts: quarter microseconds, or ticks.
@@ -35,20 +36,33 @@ WireValue torque_value(const ServoCalibration& servo, double torque);
 struct WireLimits {
     WireValue min = 0, max = 0;  ///< max = 0: nothing at all
     double speed = 0;            ///< [wire values per second]
+    double acceleration = 0;     ///< [wire values per second^2]; 0: none
+    double following = 0;        ///< farthest that a servo may be from where it was told to be [wire values]; 0: any
+    double torque_rate = 0;      ///< of torque limits that rise [values per second]; 0: any
 };
+
 WireLimits wire_limits(const ServoCalibration& servo, double steps_per_unit, double speed_rad_per_s);
 
 /// What a servo was told last: one value, or, where a transfer's fate is unknown, anything between two. Nothing is
 /// known of it where low is no_pulse.
 struct Told {
     WireValue low = no_pulse, high = no_pulse;
-    double at = 0;  ///< when [s]
+    double at = 0;        ///< when [s]
+    double velocity = 0;  ///< with which it was told to move then [wire values per second]
 };
 
 /// The last function before the wire: towards `wanted` from what the servo was told `elapsed` seconds ago, whatever of
-/// it arrived. Inside the range and the speed limit whatever comes in; a pause of more than 0.1 s earns no larger step.
-/// Where nothing is known, or what is known is out of range, the first value is sent as it is. no_pulse: nothing is to
-/// be sent.
+/// it arrived. Inside the range and the speed limit whatever comes in; speed rises and turns round by the acceleration
+/// limit (stopping is always allowed); a pause of more than 0.03 s earns no larger step. What is known to be out of
+/// range counts as the end of the range; where nothing is known, the first value is sent as it is. no_pulse: nothing is
+/// to be sent.
 WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed);
+
+/// What a servo has been told once `value` was sent `elapsed` seconds after `before`; `arrived` says whether it surely
+/// was.
+Told told_after(const Told& before, WireValue value, bool arrived, double elapsed, double now);
+
+/// The last function before the wire for a torque limit on its way to `wanted`: it rises slowly, and falls at once.
+WireValue limit_torque_wire(WireValue wanted, WireValue sent, const WireLimits& limits, double elapsed);
 
 }  // namespace palpate

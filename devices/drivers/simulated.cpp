@@ -23,7 +23,7 @@ class SimulatedDriver final : public Driver {
         for (auto& pulse : pulses_) pulse = {-1e9, start};
     }
 
-    DriverStatus send(const Coordinates& q, double now) override {
+    DriverStatus send(const Coordinates& q, double now, double) override {
         advance(now);
         Coordinates target(q.size());
         const ServoCalibration& c = servo_.calibration;

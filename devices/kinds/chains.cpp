@@ -4,7 +4,7 @@
 
 #include <numbers>
 
-#include "devices/chain.h"
+#include "devices/kinds/chain.h"
 
 namespace palpate {
 

@@ -51,7 +51,10 @@ struct FeatureContact {
     Vec3<double> normal_now{0, 0, 0};                       ///< b's frame
     double distance = 0;                                    ///< [m]
     double approach = 0;                                    ///< speed of approach at the start [m/s]
-    std::array<PairTerm, 2> terms;                          ///< normal, friction
+    double offset = 0;              ///< gap at which it touches: below 0 while an overlap is being undone [m]
+    double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]
+    double parting = 0, brake = 0;  ///< speed that is left [m/s], and the impulse that takes the rest away [N s]
+    std::array<PairTerm, 2> terms;  ///< normal, friction
 };
 
 /// Two objects near each other: `a` brings the features.
@@ -63,18 +66,23 @@ struct BodyPair {
     std::vector<FeatureContact> contacts;  ///< [feature of a]
 };
 
-/// Start of a step: which points touch, for friction, and how fast they approach.
+/// Start of a step: which points touch, for friction.
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
+/// A contact that begins its step with an `overlap` [m] of more than a tenth of a millimetre gives way by `recovery`
+/// [m] in this step, until none is left.
+void undo_overlap(FeatureContact& contact, double overlap, double recovery);
 
 struct PairEvaluation {
-    double energy = 0, pending = 0, penetration = 0, contact_force = 0;
+    double energy = 0, pending = 0, contact_force = 0;
+    double penetration = 0;  ///< beyond what the step leaves of an overlap at its start [m]
 };
 /// Evaluates all contacts of a pair at the objects' poses; writes their terms and candidates.
 PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a,
                              const ContactBody& b, double exactness);
 
-/// Candidates become multipliers.
-void update_pair(BodyPair& pair);
+/// Candidates become multipliers; where overlaps are being undone, at the end of the step alone: until then they have
+/// springs and no multipliers, because what they ask for may contradict each other.
+void update_pair(BodyPair& pair, bool at_end_of_step);
 /// A light body under a load is as stiffly held as the load asks for: a tenth of a millimetre of it [N/m].
 double load_penalty(const BodyPair& pair);
 

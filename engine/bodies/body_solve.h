@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "engine/bodies/body_contact.h"
-#include "engine/skin/progress.h"
+#include "engine/skin/solve/progress.h"
 
 namespace palpate {
 
@@ -22,18 +22,30 @@ struct Island {
     Evaluation<double> evaluation;
     detail::LaneProgress<double> progress;
     detail::LaneDecision<double> decision;
-    double rounding = 0, surprise = 0, slope = 0, first_slope = 0, bad_pivots = 0;
+    double rounding = 0, contact_residual = 0, slope = 0, first_slope = 0, bad_pivots = 0;
     bool following = false;
-    bool left_linear = false;  ///< its matrix was not positive definite with linear tissue
-    std::vector<int> bodies;   ///< rows
+    bool linear = false;      ///< some lane has linear tissue
+    bool unbound = false;     ///< its matrix was not positive definite with linear tissue
+    double stiffness = 0;     ///< of the tissue of its lanes, the largest: scale of damping [N/m]; 0 without lanes
+    std::vector<int> bodies;  ///< rows
+};
+
+/// Two objects, one inside the other where a step began.
+struct ObjectOverlap {
+    int a = -1, b = -1;  ///< rows; -1: none
+    double depth = 0;    ///< [m]
+    double time = 0;     ///< since the start [s]
 };
 
 struct BodySolve {
     std::vector<std::vector<Feature>> features;  ///< [object]
     std::vector<double> reach;                   ///< [object] radius of its bounding sphere; huge for a plane [m]
     std::vector<ContactBody> objects;            ///< [object]
-    std::vector<BodyPair> pairs;                 ///< [object with features][partner]
-    int partners = 0;                            ///< pairs per object
+    std::vector<BodyPair> pairs;                 ///< by the object that brings the features
+    std::vector<int> first_pair;                 ///< [object, end] its places in `pairs`
+    std::vector<int> wanted_pairs;               ///< [object] how many it is near to
+    std::vector<int> near_objects;               ///< scratch: [found] rows of objects that one may touch in this step
+    ObjectOverlap deepest;                       ///< of all steps
     std::vector<BodyProgress> bodies;            ///< [body]
     std::vector<int> parent;                     ///< union-find over bodies, then lanes
     std::vector<int> lane_island;                ///< [coupled chunk][16]

@@ -1,15 +1,18 @@
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numbers>
 
 #include "engine/systems.h"
 
 namespace palpate {
 
-void read_trackers(Table<TrackerPose>& trackers, Table<PoseFilter>& filters) {
+void read_trackers(double dt, Table<TrackerPose>& trackers, Table<PoseFilter>& filters) {
     for (std::size_t row = 0; row < trackers.size(); ++row) {
         TrackerPose& t = trackers[row];
         const TrackerPose::Sample& s = t.incoming;
         t.previous = t.newest.valid ? t.newest.pose : s.pose;
+        t.silent += dt;
         if (!s.valid) {
             ++t.missing;
             continue;
@@ -24,6 +27,7 @@ void read_trackers(Table<TrackerPose>& trackers, Table<PoseFilter>& filters) {
             ++t.backward;
         } else {
             ++t.accepted;
+            t.silent = 0;
             t.newest = s;
             t.newest.pose.rotation = normalised(q);
             if (t.newest.pose.rotation.w < 0) {  // q and -q are one rotation: one sign, one set of bits
@@ -38,16 +42,25 @@ void read_trackers(Table<TrackerPose>& trackers, Table<PoseFilter>& filters) {
 
 namespace {
 
-/// Newest tracked pose, approached no faster than the coupling's largest speed.
+/// `wanted`, or as far from `from` towards it as an angle whose half has this sine, by the shorter way.
+Quaternion<double> turned_at_most(const Quaternion<double>& from, const Quaternion<double>& wanted, double half_sine) {
+    const Quaternion<double> turn = wanted * conjugate(from);
+    const double length = norm(turn.vector());
+    if (!(length > half_sine)) return wanted;
+    const double share = (turn.w < 0 ? -half_sine : half_sine) / length;
+    const double w = std::sqrt(std::max(0.0, 1 - half_sine * half_sine));
+    return normalised(Quaternion<double>{w, share * turn.x, share * turn.y, share * turn.z} * from);
+}
+
+/// Newest tracked pose, approached no faster than the coupling's largest speed and spin.
 Pose<double> next_target(Coupling& c, const Pose<double>& wanted, double dt) {
     if (!c.started) return wanted;
     Pose<double> target = wanted;
     const Vec3<double> d = wanted.position - c.target.position;
-    const double reach = c.max_speed * dt;
-    if (dot(d, d) > reach * reach) {
-        target.position = c.target.position + (reach / norm(d)) * d;
-        ++c.slowed;
-    }
+    const double reach = c.max_speed * dt, turn = std::min(c.max_spin * dt, std::numbers::pi);
+    if (dot(d, d) > reach * reach) target.position = c.target.position + (reach / norm(d)) * d;
+    target.rotation = turned_at_most(c.target.rotation, wanted.rotation, std::sin(0.5 * turn));
+    if (std::memcmp(&target, &wanted, sizeof target) != 0) ++c.slowed;
     return target;
 }
 
@@ -72,6 +85,9 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
     const Vec3<double> d = pulled.position - now.position;
     const double reach = coupling.max_force / coupling.stiffness;
     if (dot(d, d) > reach * reach) pulled.position = now.position + (reach / norm(d)) * d;
+    // The coupling's torque at an angle is 2 kappa sin(angle / 2) (pose_spring.h).
+    pulled.rotation = turned_at_most(now.rotation, pulled.rotation,
+                                     std::min(1.0, 0.5 * coupling.max_torque / coupling.angular_stiffness));
     store_spring(c, 0, lane, origin, coupling.stiffness, coupling.angular_stiffness, pulled);
 
     if (!solver.inertia) {
@@ -95,8 +111,7 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
 }  // namespace
 
 void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, const Table<Skin>& skins,
-            Table<Coupling>& couplings, std::vector<SkinChunk<double>>& double_chunks,
-            std::vector<SkinChunk<float>>& float_chunks) {
+            Table<Coupling>& couplings, SkinChunks& chunks) {
     for (std::size_t row = 0; row < couplings.size(); ++row) {
         Coupling& c = couplings[row];
         const Skin& skin = *skins.find(couplings.owner(row));
@@ -111,15 +126,9 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
         c.last_target = c.started ? c.target : next;
         c.target = next;
         c.started = true;
-        if (stays &&
-            (skin.single_precision ? float_chunks[skin.chunk].asleep_lanes : double_chunks[skin.chunk].asleep_lanes) >>
-                    skin.lane &
-                1u)
-            continue;
-        if (skin.single_precision)
-            aim(float_chunks[skin.chunk], skin.lane, solver, c);
-        else
-            aim(double_chunks[skin.chunk], skin.lane, solver, c);
+        chunks.with(skin.single_precision, skin.chunk, [&](auto& chunk) {
+            if (!(stays && ((chunk.asleep_lanes >> skin.lane) & 1u))) aim(chunk, skin.lane, solver, c);
+        });
     }
 }
 

@@ -4,7 +4,8 @@
 #include <cmath>
 
 #include "engine/bodies/islands.h"
-#include "engine/skin/detail.h"
+#include "engine/skin/chunks/level_of_detail.h"
+#include "engine/systems.h"
 
 namespace palpate {
 
@@ -12,42 +13,87 @@ namespace {
 
 using Work = BodyWork;
 
+/// Velocity of an object's point at the end of the step [m/s].
+Vec3<double> point_velocity(const Work& w, const ContactBody& o, const Vec3<double>& point) {
+    if (o.body < 0) return (1 / w.solver.dt) * (o.pose.position - o.start.position);
+    const RigidBody& body = w.bodies[o.body];
+    return body.velocity + cross(angular_velocity(body, o.pose.rotation), point - o.centre);
+}
+
+/// What an impulse between two objects meets at a contact.
+struct Blow {
+    Vec3<double> normal, point;
+    double speed;  ///< at which the objects part there [m/s]
+    double give;   ///< change of that speed by a unit impulse [1/kg]
+};
+Blow blow_at(const Work& w, const BodyPair& p, const FeatureContact& c) {
+    const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
+    Blow out{rotation_matrix(b.pose.rotation) * c.normal_now, a.centre + c.terms[0].arm_of_a, 0, 0};
+    out.speed = dot(point_velocity(w, a, out.point) - point_velocity(w, b, out.point), out.normal);
+    for (const ContactBody* o : {&a, &b}) {
+        if (o->body < 0) continue;
+        RigidBody turned = w.bodies[o->body];
+        const Vec3<double> arm = out.point - o->centre;
+        turned.angular_momentum = cross(arm, out.normal);
+        out.give += 1 / turned.mass + dot(cross(angular_velocity(turned, o->pose.rotation), arm), out.normal);
+    }
+    return out;
+}
+
+/// Pushes the two objects of a pair apart at a contact.
+void push_apart(Work& w, const BodyPair& p, const Blow& at, double impulse) {
+    for (auto [object, sign] : {std::pair{p.a, 1.0}, std::pair{p.b, -1.0}}) {
+        const ContactBody& o = w.s.objects[object];
+        if (o.body < 0) continue;
+        RigidBody& body = w.bodies[o.body];
+        body.velocity += (sign * impulse / body.mass) * at.normal;
+        body.angular_momentum += cross(at.point - o.centre, (sign * impulse) * at.normal);
+    }
+}
+
+bool is_recovering(const BodyPair& p) {
+    return p.a >= 0 && std::any_of(p.contacts.begin(), p.contacts.end(),
+                                   [](const FeatureContact& c) { return c.undone > 0 && c.normal_multiplier > 0; });
+}
+
+/// The motion that undid overlaps is no velocity: takes its share of the speed at which objects part away again, by
+/// impulses that pull (projected Gauss-Seidel; the nearest velocities, by kinetic energy, that part no faster, so that
+/// none is gained).
+void brake_recovery(Work& w) {
+    if (!w.solver.inertia || std::none_of(w.s.pairs.begin(), w.s.pairs.end(), is_recovering)) return;
+    auto for_each_recovering = [&](auto visit) {
+        for (BodyPair& p : w.s.pairs)
+            if (p.a >= 0)
+                for (FeatureContact& c : p.contacts)
+                    if (c.undone > 0 && c.normal_multiplier > 0) visit(p, c, blow_at(w, p, c));
+    };
+    for_each_recovering([&](BodyPair&, FeatureContact& c, const Blow& at) {
+        c.brake = 0;
+        c.parting = std::max(0.0, at.speed - c.undone / w.solver.dt);
+    });
+    for (int sweep = 0; sweep < 30; ++sweep)
+        for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
+            const double brake = std::min(0.0, c.brake + (c.parting - at.speed) / at.give);
+            push_apart(w, p, at, brake - c.brake);
+            c.brake = brake;
+        });
+}
+
 /// Bounces: gives bodies back a share of the speed at which they met.
 void bounce(Work& w) {
-    auto point_velocity = [&](const ContactBody& o, const Vec3<double>& point) {
-        if (o.body < 0) return (1 / w.solver.dt) * (o.pose.position - o.start.position);
-        const RigidBody& body = w.bodies[o.body];
-        return body.velocity + cross(angular_velocity(body, o.pose.rotation), point - o.centre);
-    };
     for (int sweep = 0; sweep < 4; ++sweep)
         for (BodyPair& p : w.s.pairs) {
             if (p.a < 0) continue;
-            const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
             double restitution = 0;
-            for (const ContactBody* o : {&a, &b})
-                if (o->body >= 0) restitution = std::max(restitution, w.bodies[o->body].restitution);
+            for (int object : {p.a, p.b})
+                if (w.s.objects[object].body >= 0)
+                    restitution = std::max(restitution, w.bodies[w.s.objects[object].body].restitution);
             if (restitution <= 0) continue;
             for (const FeatureContact& c : p.contacts) {
                 if (c.normal_multiplier <= 0 || c.approach < 0.05) continue;
-                const Vec3<double> n = rotation_matrix(b.pose.rotation) * c.normal_now;
-                const Vec3<double> point = a.centre + c.terms[0].arm_of_a;
-                const double speed = dot(point_velocity(a, point) - point_velocity(b, point), n);
-                double give = 0;  // change of that speed by a unit impulse
-                for (const ContactBody* o : {&a, &b}) {
-                    if (o->body < 0) continue;
-                    RigidBody turned = w.bodies[o->body];
-                    const Vec3<double> arm = point - o->centre;
-                    turned.angular_momentum = cross(arm, n);
-                    give += 1 / turned.mass + dot(cross(angular_velocity(turned, o->pose.rotation), arm), n);
-                }
-                const double impulse = (restitution * c.approach - speed) / give;
-                if (impulse <= 0) continue;
-                for (auto [o, sign] : {std::pair{&a, 1.0}, std::pair{&b, -1.0}}) {
-                    if (o->body < 0) continue;
-                    RigidBody& body = w.bodies[o->body];
-                    body.velocity += (sign * impulse / body.mass) * n;
-                    body.angular_momentum += cross(point - o->centre, (sign * impulse) * n);
-                }
+                const Blow at = blow_at(w, p, c);
+                const double impulse = (restitution * c.approach - at.speed) / at.give;
+                if (impulse > 0) push_apart(w, p, at, impulse);
             }
         }
 }
@@ -70,24 +116,16 @@ void end_lanes(Work& w) {
     for (int k = 0; k < int(w.s.coupled.size()); ++k) {
         const unsigned failed = failed_lanes(w, k);
         with_chunk(w, k, [&](auto& c, const auto& kernel) {
-            const unsigned lost = kernel.end(c, w.solver, failed);
+            const unsigned converged = lanes_where(w, k, [](const Island& i) { return i.progress.converged; });
+            const unsigned reset = kernel.end(c, w.solver, failed, converged);
             for (int lane = 0; lane < c.width; ++lane) {
                 if (island_of(w, k, lane) < 0) continue;
-                const auto& p = w.s.islands[island_of(w, k, lane)].progress;
                 const LaneReport& r = c.exchange.lanes[lane];
-                SkinStatus& s = c.status[lane];
-                s = {};
-                s.newton_iterations = int(p.iterations);
-                s.multiplier_updates = int(p.updates);
-                s.backtracks = int(p.backtracks);
-                s.converged = p.converged;
-                s.reset = (lost >> lane) & 1u;
-                if (s.reset) continue;
-                s.residual_N = std::sqrt(r.residual);
-                s.limit_violation = r.violation;
-                s.penetration_m = r.penetration;
-                s.contact_force_N = r.contact_force;
-                s.limited_elements = int(r.limited);
+                Evaluation<double> e;
+                e.residual = r.residual, e.violation = r.violation, e.penetration = r.penetration;
+                e.contact_force = r.contact_force, e.limited = r.limited;
+                c.status[lane] =
+                    detail::status_of(e, w.s.islands[island_of(w, k, lane)].progress, (reset >> lane) & 1u);
             }
             settle_lanes(c, w.solver);
         });
@@ -141,6 +179,8 @@ void put_to_sleep(Work& w) {
         island.following = still;
     }
     for_each_lane(w, [](auto&, int, Island& i) { i.following = false; });
+    for (const BodyPair& p : w.s.pairs)
+        if (is_recovering(p)) island_of_pair(w, p).following = false;
     for (const BodyPair& p : w.s.pairs)  // on something that moves
         if (p.a >= 0)
             for (int object : {p.a, p.b})
@@ -159,8 +199,13 @@ void put_to_sleep(Work& w) {
 void end_body_step(BodyWork& w) {
     end_lanes(w);
     end_bodies(w);
+    brake_recovery(w);
     bounce(w);
     put_to_sleep(w);
+}
+
+void end_objects(Table<RigidShape>& shapes) {
+    for (RigidShape& shape : shapes) shape.previous = shape.pose;
 }
 
 }  // namespace palpate

@@ -7,18 +7,13 @@ namespace palpate {
 
 namespace {
 
-template <class T>
-bool near_a_body(const SkinChunk<T>& c) {
-    return std::any_of(c.slots.begin(), c.slots.end(), [](auto& s) { return s.object >= 0 && s.body >= 0; });
-}
-
 void find_coupled_chunks(BodyWork& w) {
     w.s.coupled.clear();
-    const int doubles = int(w.double_chunks.size());
-    for (int i = 0; i < doubles; ++i)
-        if (near_a_body(w.double_chunks[i])) w.s.coupled.push_back(i);
-    for (int i = 0; i < int(w.float_chunks.size()); ++i)
-        if (near_a_body(w.float_chunks[i])) w.s.coupled.push_back(doubles + i);
+    int index = 0;
+    w.chunks.for_each([&](const auto& c) {
+        if (near_a_body(c)) w.s.coupled.push_back(index);
+        ++index;
+    });
 }
 
 void set_object(BodyWork& w, int object) {
@@ -56,10 +51,9 @@ double pair_friction(const BodyWork& w, const std::vector<PairFriction>& given, 
     return std::sqrt(w.shapes[a].friction * w.shapes[b].friction);
 }
 
-/// Speed at which the point that touches first approaches, before the step.
-double approach_speed(const BodyWork& w, const BodyPair& p, const FeatureContact& c) {
+/// Velocity of a's point relative to b's, before the step [m/s].
+Vec3<double> point_velocity(const BodyWork& w, const BodyPair& p, const Vec3<double>& point) {
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
-    const Vec3<double> point = transform(a.start, c.point_of_a);
     Vec3<double> v{0, 0, 0};
     for (auto [object, sign] : {std::pair{&a, 1.0}, std::pair{&b, -1.0}}) {
         if (object->body < 0) {
@@ -70,40 +64,64 @@ double approach_speed(const BodyWork& w, const BodyPair& p, const FeatureContact
         const Vec3<double> turn = angular_velocity(body, object->start.rotation);
         v += sign * (body.velocity + cross(turn, point - w.s.bodies[object->body].start.position));
     }
-    return -dot(v, surface_point(*b.shape, b.start, point).normal);
+    return v;
+}
+
+/// The objects that a may touch; places for all of them.
+void find_near(BodyWork& w, int a) {
+    BodySolve& s = w.s;
+    s.near_objects.clear();
+    auto has_pair = [&](int b) {
+        return std::any_of(s.pairs.begin() + s.first_pair[a], s.pairs.begin() + s.first_pair[a + 1],
+                           [&](const BodyPair& p) { return p.a >= 0 && p.b == b; });
+    };
+    for (int b = 0; b < int(w.shapes.size()); ++b)
+        if (s.objects[a].still && s.objects[b].still ? has_pair(b) : may_touch(w, a, b)) s.near_objects.push_back(b);
+    s.wanted_pairs[a] = int(s.near_objects.size());
+    if (s.wanted_pairs[a] > s.first_pair[a + 1] - s.first_pair[a]) grow_pairs(s, 0);
+}
+
+/// A pair at the start of a step in which it is near.
+void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& given) {
+    p.friction = pair_friction(w, given, p.a, p.b);
+    double mass = 1e300;
+    for (int object : {p.a, p.b})
+        if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
+    p.penalty = std::max({2e5, 30 * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
+    begin_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b]);
+    const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
+    for (FeatureContact& c : p.contacts) {
+        const Vec3<double> point = transform(a.start, c.point_of_a);
+        const SurfacePoint<double> surface = surface_point(*b.shape, b.start, point);
+        c.approach = -dot(point_velocity(w, p, point), surface.normal);
+        if (w.solver.inertia) undo_overlap(c, -surface.distance, w.solver.dt * w.solver.recovery_speed);
+        if (c.undone > 0 && -surface.distance > w.s.deepest.depth) w.s.deepest = {p.a, p.b, -surface.distance, w.time};
+    }
 }
 
 /// Finds the pairs of objects that may touch; a pair keeps its place, and with it its multipliers, while it is near.
 void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
     for (int a = 0; a < int(w.shapes.size()); ++a) {
-        BodyPair* first = w.s.pairs.data() + std::size_t(a) * w.s.partners;
-        BodyPair* last = first + w.s.partners;
-        for (BodyPair* p = first; p != last; ++p) p->near = false;
         if (w.s.features[a].empty()) continue;
-        for (int b = 0; b < int(w.shapes.size()); ++b) {
-            auto holds_b = [&](const BodyPair& q) { return q.a >= 0 && q.b == b; };
-            if (w.s.objects[a].still && w.s.objects[b].still) {  // as it was
-                if (BodyPair* p = std::find_if(first, last, holds_b); p != last) p->near = true;
-                continue;
-            }
-            if (!may_touch(w, a, b)) continue;
-            BodyPair* p = std::find_if(first, last, holds_b);
+        find_near(w, a);
+        BodyPair *first = w.s.pairs.data() + w.s.first_pair[a], *last = w.s.pairs.data() + w.s.first_pair[a + 1];
+        auto place_of = [&](int b) {
+            return std::find_if(first, last, [&](const BodyPair& p) { return p.a >= 0 && p.b == b; });
+        };
+        for (BodyPair* p = first; p != last; ++p) p->near = false;
+        for (int b : w.s.near_objects)
+            if (BodyPair* p = place_of(b); p != last) p->near = true;
+        for (BodyPair* p = first; p != last; ++p)
+            if (!p->near) p->a = p->b = -1;
+        for (int b : w.s.near_objects) {
+            BodyPair* p = place_of(b);
             if (p == last) {
                 p = std::find_if(first, last, [](const BodyPair& q) { return q.a < 0; });
-                if (p == last) continue;
                 std::fill(p->contacts.begin(), p->contacts.end(), FeatureContact{});
             }
             p->a = a, p->b = b, p->near = true;
-            p->friction = pair_friction(w, given, a, b);
-            double mass = 1e300;
-            for (int object : {a, b})
-                if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
-            p->penalty = std::max({2e5, 30 * mass / (w.solver.dt * w.solver.dt), load_penalty(*p)});
-            begin_pair(*p, w.s.features[a], w.s.objects[a], w.s.objects[b]);
-            for (FeatureContact& c : p->contacts) c.approach = approach_speed(w, *p, c);
+            if (!w.s.objects[a].still || !w.s.objects[b].still) begin_near_pair(w, *p, given);
         }
-        for (BodyPair* p = first; p != last; ++p)
-            if (!p->near) p->a = p->b = -1;
     }
 }
 
@@ -127,8 +145,11 @@ void wake(BodyWork& w) {
     };
     for (int k = 0; k < int(w.s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
-            for (const ContactSlot& slot : c.slots)
-                if (slot.object >= 0 && slot.body >= 0 && w.bodies[slot.body].asleep) rouse(slot.object);
+            for (int lane = 0; lane < c.width; ++lane)
+                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+                    const LaneContact& near = c.contacts.at(slot, lane);
+                    if (near.body >= 0 && w.bodies[near.body].asleep) rouse(near.object);
+                }
         });
     for (bool again = true; again;) {
         again = false;
@@ -154,10 +175,9 @@ void group(BodyWork& w) {
     for (int k = 0; k < int(s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
             for (int lane = 0; lane < c.width; ++lane)
-                for (int slot = 0; slot < c.slot_capacity; ++slot)
-                    if (c.slots[slot].object >= 0 && c.slots[slot].body >= 0 &&
-                        ((c.slots[slot].near_lanes >> lane) & (active_lanes(c) >> lane) & 1u))
-                        unite(s.parent, c.slots[slot].body, bodies + 16 * k + lane);
+                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+                    if (const int body = c.contacts.at(slot, lane).body; body >= 0 && ((active_lanes(c) >> lane) & 1u))
+                        unite(s.parent, body, bodies + 16 * k + lane);
         });
     s.island_count = 0;
     auto island = [&](int i) {
@@ -166,19 +186,13 @@ void group(BodyWork& w) {
         if (r == i) {
             Island& fresh = s.islands[s.island_count];
             fresh.bodies.clear();
-            fresh.progress = {};
-            fresh.progress.active = true;
-            fresh.progress.converged = fresh.progress.failed = false;
-            fresh.progress.base_energy = fresh.progress.last_excess = fresh.progress.last_depth =
-                std::numeric_limits<double>::max();
-            fresh.progress.slope = fresh.progress.alpha = fresh.progress.damping = fresh.progress.exactness = 0;
+            fresh.progress = detail::begin_progress<double>(true);
             return s.island_count++;
         }
         return r < bodies ? s.bodies[r].island : s.lane_island[r - bodies];
     };
     Island& sleepers = s.islands.back();
-    sleepers.progress = {};
-    sleepers.progress.active = sleepers.progress.failed = false;
+    sleepers.progress = detail::begin_progress<double>(false);
     sleepers.progress.converged = true;
     sleepers.decision = {};
     for (int b = 0; b < bodies; ++b) {
@@ -203,6 +217,22 @@ void group(BodyWork& w) {
 Island& island_of_pair(BodyWork& w, const BodyPair& p) {
     const int body = w.shapes[p.a].body >= 0 ? w.shapes[p.a].body : w.shapes[p.b].body;
     return w.s.islands[w.s.bodies[body].island];
+}
+
+void grow_pairs(BodySolve& s, int at_least) {
+    std::vector<BodyPair> grown;
+    std::vector<int> first{0};
+    for (std::size_t a = 0; a + 1 < s.first_pair.size(); ++a) {
+        const int had = s.first_pair[a + 1] - s.first_pair[a];
+        for (int k = s.first_pair[a]; k < s.first_pair[a + 1]; ++k) grown.push_back(std::move(s.pairs[k]));
+        // Half as many again, so that growing is rare.
+        const int wanted = std::max(at_least, s.wanted_pairs[a] > had ? s.wanted_pairs[a] * 3 / 2 : had);
+        const int places = s.features[a].empty() ? 0 : std::min(wanted, int(s.features.size()) - 1);
+        for (int k = had; k < places; ++k) grown.emplace_back().contacts.resize(s.features[a].size());
+        first.push_back(int(grown.size()));
+    }
+    s.pairs = std::move(grown);
+    s.first_pair = std::move(first);
 }
 
 void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions) {

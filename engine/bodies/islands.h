@@ -4,7 +4,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
-#include "engine/skin/kernels.h"
+#include "engine/skin/solve/kernels.h"
 #include "engine/world.h"
 
 namespace palpate {
@@ -16,18 +16,14 @@ struct BodyWork {
     Table<RigidShape>& shapes;
     Table<RigidBody>& bodies;
     BodySolve& s;
-    std::vector<SkinChunk<double>>& double_chunks;
-    std::vector<SkinChunk<float>>& float_chunks;
+    SkinChunks& chunks;
+    double time;  ///< simulated, at the end of the step [s]
 };
 
 /// Calls visit(chunk, kernel) for a coupled chunk, whatever its precision.
 template <class Visit>
 void with_chunk(const BodyWork& w, int coupled, Visit visit) {
-    const int index = w.s.coupled[coupled], doubles = int(w.double_chunks.size());
-    if (index < doubles)
-        visit(w.double_chunks[index], kernel_for(w.double_chunks[index]).coupled);
-    else
-        visit(w.float_chunks[index - doubles], kernel_for(w.float_chunks[index - doubles]).coupled);
+    w.chunks.with(w.s.coupled[coupled], [&](auto& c) { visit(c, kernel_for(c).coupled); });
 }
 
 inline int island_of(const BodyWork& w, int coupled, int lane) { return w.s.lane_island[16 * coupled + lane]; }
@@ -68,13 +64,16 @@ void for_each_lane(const BodyWork& w, Visit visit) {
 /// Calls visit(slot, body) for the slots with a body that a lane may touch.
 template <class T, class Visit>
 void for_each_body_of(const BodyWork& w, const SkinChunk<T>& c, int lane, Visit visit) {
-    for (int slot = 0; slot < c.slot_capacity; ++slot)
-        if (c.slots[slot].object >= 0 && c.slots[slot].body >= 0 && ((c.slots[slot].near_lanes >> lane) & 1u))
-            visit(slot, w.s.bodies[c.slots[slot].body]);
+    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+        if (const int body = c.contacts.at(slot, lane).body; body >= 0) visit(slot, w.s.bodies[body]);
 }
 
 /// The island of the bodies that a pair connects.
 Island& island_of_pair(BodyWork& work, const BodyPair& pair);
+
+/// Places for further pairs of objects: `at_least` for each object, and as many as it is near to. Allocates: at load,
+/// and once for an object that more others come near to than ever before.
+void grow_pairs(BodySolve& solve, int at_least);
 
 /// Bodies at the start of the step, objects, chunks near bodies, pairs of objects near each other, islands.
 void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions);

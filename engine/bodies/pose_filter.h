@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "engine/ecs/pose.h"
+#include "engine/math/pose.h"
 
 namespace palpate {
 

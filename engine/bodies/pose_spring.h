@@ -2,7 +2,7 @@
 // The bone: springs from its pose to a target pose, and how its pose carries the nodes that are fixed in it.
 // Rotations vary by small left rotations omega: R <- rotation_step(omega) R.
 
-#include "engine/ecs/pose.h"
+#include "engine/math/pose.h"
 
 namespace palpate {
 

@@ -27,8 +27,9 @@ void place_bodies(Work& w, bool at_end_of_step) {
     }
     for (int k = 0; k < int(w.s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
-            for (ContactSlot& slot : c.slots)
-                if (slot.object >= 0 && slot.body >= 0) slot.pose = w.s.objects[slot.object].pose;
+            for (int lane = 0; lane < c.width; ++lane)
+                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+                    if (LaneContact& o = c.contacts.at(slot, lane); o.body >= 0) o.pose = w.s.objects[o.object].pose;
         });
 }
 
@@ -50,15 +51,18 @@ void evaluate_all(Work& w, bool with_matrix) {
     BodySolve& s = w.s;
     auto active = [](const Island& i) { return i.progress.active; };
     for (int i = 0; i < s.island_count; ++i)
-        if (active(s.islands[i])) s.islands[i].evaluation = {}, s.islands[i].rounding = 0;
+        if (active(s.islands[i])) {
+            s.islands[i].evaluation = {};
+            s.islands[i].evaluation.extent = 0;
+            s.islands[i].rounding = 0;
+        }
     place_bodies(w, false);
     for_each_lane(w,
                   [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
     for_each_chunk(w, active,
                    [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver, with_matrix); });
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
-        if (active(i) && ((c.linear.left_lanes >> lane) & 1u))  // nothing to compare energies with
-            i.progress.base_energy = std::numeric_limits<double>::max();
+        if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);
     });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
         Island& i = s.islands[s.bodies[b].island];
@@ -94,6 +98,7 @@ void evaluate_all(Work& w, bool with_matrix) {
         if (sizeof(c.state.position[0]) < sizeof(double)) e.epsilon = std::numeric_limits<float>::epsilon();
         e.energy += r.energy, e.residual += r.residual, e.pending += r.pending, e.limited += r.limited;
         e.violation = std::max(e.violation, r.violation), e.penetration = std::max(e.penetration, r.penetration);
+        e.extent = std::max(e.extent, double(c.rest.extent[std::size_t(lane)]));
         e.contact_force += r.contact_force, e.coupling_force = std::max(e.coupling_force, r.coupling_force);
         i.rounding += r.rounding;
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
@@ -102,8 +107,9 @@ void evaluate_all(Work& w, bool with_matrix) {
     });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
         const Motion& g = s.bodies[b].gradient;
-        s.islands[s.bodies[b].island].evaluation.residual +=
-            g.head<3>().squaredNorm() + g.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
+        Evaluation<double>& e = s.islands[s.bodies[b].island].evaluation;
+        e.extent = std::max(e.extent, w.bodies[b].size);
+        e.residual += g.head<3>().squaredNorm() + g.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
     }
 }
 
@@ -117,7 +123,9 @@ void solve_island(Work& w, Island& island) {
     for (int b : island.bodies) {
         BodyProgress& body = s.bodies[b];
         A.block<6, 6>(body.row, body.row) = body.inertia.curvature;
-        const double damping = 300 * island.progress.damping, size = w.bodies[b].size;
+        // As skin is: by the tissue's stiffness, or where there is none by what the body itself resists with.
+        const double scale = island.stiffness > 0 ? island.stiffness : body.inertia.curvature(0, 0);
+        const double damping = island.progress.damping * scale, size = w.bodies[b].size;
         for (int k = 0; k < 6; ++k) A(body.row + k, body.row + k) += k < 3 ? damping : damping * size * size;
         s.rhs.segment<6>(body.row) = body.rhs;
     }
@@ -139,9 +147,8 @@ void solve_island(Work& w, Island& island) {
             for (int k = 0; k < 6; ++k) s.rhs[body_a.row + k] += c.exchange.body_rhs[(6 * a + k) * W + lane];
             for_each_body_of(w, c, lane, [&](int b, BodyProgress& body_b) {
                 const bool upper = a <= b;
-                const auto* block =
-                    &c.exchange
-                         .body_matrix[36 * std::size_t(upper ? a * c.slot_capacity + b : b * c.slot_capacity + a) * W];
+                const int pair = upper ? a * c.contacts.capacity + b : b * c.contacts.capacity + a;
+                const auto* block = &c.exchange.body_matrix[36 * std::size_t(pair) * W];
                 for (int k = 0; k < 36; ++k)
                     A(body_a.row + (upper ? k / 6 : k % 6), body_b.row + (upper ? k % 6 : k / 6)) +=
                         block[k * W + lane];
@@ -169,7 +176,7 @@ void solve_direction(Work& w, Condition chosen, bool first) {
     BodySolve& s = w.s;
     for_each_chunk(w, chosen, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.condense(c, lanes, first); });
     for (int i = 0; i < s.island_count; ++i)
-        if (chosen(s.islands[i])) s.islands[i].bad_pivots = 0;
+        if (first && chosen(s.islands[i])) s.islands[i].bad_pivots = 0;
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (chosen(i)) i.bad_pivots += c.exchange.lanes[lane].bad_pivots;
     });
@@ -186,7 +193,7 @@ void solve_direction(Work& w, Condition chosen, bool first) {
     }
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (!chosen(i)) return;
-        for (int slot = 0; slot < c.slot_capacity; ++slot)
+        for (int slot = 0; slot < c.contacts.used; ++slot)
             for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = 0;
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
             for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = b.added[k];
@@ -199,7 +206,7 @@ void solve_direction(Work& w, Condition chosen, bool first) {
 }
 
 /// What contact between objects does at the end of the direction beyond its linearisation.
-void pairs_surprise(Work& w) {
+void pairs_residual(Work& w) {
     for (BodyPair& p : w.s.pairs) {
         if (p.a < 0) continue;
         Island& island = island_of_pair(w, p);
@@ -237,19 +244,22 @@ void follow_contacts(Work& w) {
     for (int k = 0; k < w.solver.contact_iterations; ++k) {
         place_bodies(w, true);
         for (BodyProgress& b : s.bodies) b.rhs.setZero();
-        for_each_chunk(w, following, [](auto& c, const auto& kernel, unsigned lanes) { kernel.surprise(c, lanes); });
-        for (int i = 0; i < s.island_count; ++i) s.islands[i].surprise = 0;
-        for_each_lane(w, [&](auto& c, int lane, Island& i) { i.surprise += c.exchange.lanes[lane].surprise; });
-        pairs_surprise(w);
+        for_each_chunk(w, following,
+                       [](auto& c, const auto& kernel, unsigned lanes) { kernel.contact_residual(c, lanes); });
+        for (int i = 0; i < s.island_count; ++i) s.islands[i].contact_residual = 0;
+        for_each_lane(
+            w, [&](auto& c, int lane, Island& i) { i.contact_residual += c.exchange.lanes[lane].contact_residual; });
+        pairs_residual(w);
         any_following = false;
         for (int i = 0; i < s.island_count; ++i) {
             Island& island = s.islands[i];
             if (!island.following) continue;
             for (int b : island.bodies)
-                island.surprise += s.bodies[b].rhs.head<3>().squaredNorm() +
-                                   s.bodies[b].rhs.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
+                island.contact_residual +=
+                    s.bodies[b].rhs.head<3>().squaredNorm() +
+                    s.bodies[b].rhs.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
             const double share = w.solver.contact_share * w.solver.contact_share;
-            island.following = island.surprise > share * island.evaluation.residual;
+            island.following = island.contact_residual > share * island.evaluation.residual;
             any_following |= island.following;
         }
         if (!any_following) break;
@@ -264,15 +274,24 @@ void follow_contacts(Work& w) {
         }
 }
 
-/// Islands whose matrix is not positive definite with linear tissue go on with tissue as it is.
-void leave_indefinite_tissue(Work& w) {
-    for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].left_linear = false;
-    for_each_lane(w, [](auto& c, int lane, Island& i) {
-        const bool linear = ((c.linear_lanes | c.linear.fresh_lanes) >> lane) & 1u;
-        i.left_linear |= linear && i.decision.newton && (i.bad_pivots > 0 || i.slope > 0);
-    });
+/// Islands that have a direction begin a line search along it; the others evaluate again.
+void judge_directions(Work& w) {
+    BodySolve& s = w.s;
+    for (int i = 0; i < s.island_count; ++i) s.islands[i].linear = s.islands[i].unbound = false;
+    for_each_lane(
+        w, [](auto& c, int lane, Island& i) { i.linear |= ((c.linear_lanes | c.linear.fresh_lanes) >> lane) & 1u; });
+    for (int i = 0; i < s.island_count; ++i) {
+        Island& island = s.islands[i];
+        if (!island.decision.newton) continue;
+        const auto verdict = detail::judge_direction<double>(island.progress, true, island.linear, island.bad_pivots,
+                                                             island.slope, island.evaluation);
+        island.unbound = verdict.unbound;
+        island.decision.newton = verdict.step;
+        if (verdict.step)
+            for (int b : island.bodies) s.bodies[b].base = s.bodies[b].pose;
+    }
     for_each_lane(w, [](auto& c, int lane, const Island& i) {
-        if (i.left_linear) leave_linear_tissue(c, 1u << lane);
+        if (i.unbound) leave_linear_tissue(c, 1u << lane);
     });
 }
 
@@ -292,21 +311,7 @@ void newton_step(Work& w) {
     });
     solve_direction(w, newton, true);
     if (w.solver.contact_iterations > 0) follow_contacts(w);
-    leave_indefinite_tissue(w);
-    for (int i = 0; i < s.island_count; ++i) {
-        Island& island = s.islands[i];
-        if (!newton(island)) continue;
-        detail::LaneProgress<double>& p = island.progress;
-        const bool unusable = island.left_linear || (p.exactness > 0 && (island.bad_pivots > 0 || island.slope >= 0));
-        p.iterations += island.left_linear ? 0 : 1;
-        detail::adapt_exactness<double>(p, unusable, !unusable);
-        p.base_energy = unusable ? std::numeric_limits<double>::max() : island.evaluation.energy;
-        p.slope = unusable ? 0 : island.slope;
-        if (!unusable) p.alpha = 1;
-        island.decision.newton = !unusable;
-        if (!unusable)
-            for (int b : island.bodies) s.bodies[b].base = s.bodies[b].pose;
-    }
+    judge_directions(w);
 }
 
 void move_all(Work& w) {
@@ -327,15 +332,9 @@ void update_all(Work& w) {
     auto updates = [](const Island& i) { return bool(i.decision.update); };
     for_each_chunk(w, updates, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.update(c, w.solver, lanes); });
     for (BodyPair& p : w.s.pairs)
-        if (p.a >= 0 && updates(island_of_pair(w, p))) update_pair(p);
-    for (int i = 0; i < w.s.island_count; ++i) {
-        detail::LaneProgress<double>& p = w.s.islands[i].progress;
-        if (!updates(w.s.islands[i])) continue;
-        p.updates += 1;
-        p.base_energy = std::numeric_limits<double>::max();
-        p.alpha = 1;
-        p.slope = 0;
-    }
+        if (p.a >= 0 && updates(island_of_pair(w, p))) update_pair(p, false);
+    for (int i = 0; i < w.s.island_count; ++i)
+        detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
 
 }  // namespace
@@ -356,14 +355,17 @@ void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& 
 }
 
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
-                  const std::vector<PairFriction>& pair_frictions, oneapi::tbb::task_arena& arena,
-                  Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve,
-                  std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks) {
+                  const std::vector<PairFriction>& pair_frictions, double time, oneapi::tbb::task_arena& arena,
+                  Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve, SkinChunks& chunks) {
     if (bodies.empty()) return;
-    Work w{solver, arena, shapes, bodies, solve, double_chunks, float_chunks};
+    Work w{solver, arena, shapes, bodies, solve, chunks, time};
     find_islands(w, gravity, pair_frictions);
     auto active = [](const Island& i) { return bool(i.progress.active); };
-    for_each_lane(w, [](auto& c, int lane, const Island&) { c.exchange.lanes[lane] = {}; });
+    for (int i = 0; i < solve.island_count; ++i) solve.islands[i].stiffness = 0;
+    for_each_lane(w, [](auto& c, int lane, Island& i) {
+        c.exchange.lanes[lane] = {};
+        i.stiffness = std::max(i.stiffness, double(c.rest.tissue_stiffness[std::size_t(lane)]));
+    });
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
     while (true) {
@@ -379,7 +381,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                 continue;
             }
             island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
-            if (island.decision.retry) island.progress.alpha *= 0.5, island.progress.backtracks += 1;
+            detail::shorten_steps(island.progress, island.decision);
             retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;
             goes_on |= active(island);
         }
@@ -390,7 +392,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     }
     for (BodyPair& p : solve.pairs) {
         if (p.a < 0) continue;
-        update_pair(p);
+        update_pair(p, true);
         if (island_of_pair(w, p).progress.failed) std::fill(p.contacts.begin(), p.contacts.end(), FeatureContact{});
     }
     place_bodies(w, false);

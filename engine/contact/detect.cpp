@@ -45,91 +45,89 @@ Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver)
     return {0.5 * (low + high), norm(half) + 2e-3 + 2 * way + 2 * std::sqrt(speed2) * solver.dt};
 }
 
-template <class T>
-void clear_slot(SkinChunk<T>& c, int slot) {
-    const std::size_t S = c.topology->sample_count() * c.width;
-    auto clear = [&](LaneArray<T>& a, std::size_t per) {
-        if (!a.empty()) std::fill(a.begin() + slot * S * per, a.begin() + (slot + 1) * S * per, T(0));
-    };
-    clear(c.state.normal_multiplier, 1);
-    clear(c.state.tangential_multiplier, 3);
-    clear(c.state.friction_radius, 1);
-    clear(c.state.friction_normal, 3);
-    clear(c.scratch.normal_candidate, 1);
-    clear(c.scratch.tangential_candidate, 3);
-    c.slots[slot] = {};
+/// Radius of a sphere around an object's origin that holds its surface [m].
+double bound_of(const Shape& shape) {
+    switch (shape.kind) {
+        case ShapeKind::box:
+            return norm(shape.size);
+        case ShapeKind::sphere:
+            return shape.size.x;
+        case ShapeKind::capsule:
+            return shape.size.x + shape.size.y;
+        case ShapeKind::cylinder:
+            return std::hypot(shape.size.x, shape.size.y);
+        case ShapeKind::plane:
+        case ShapeKind::mesh:
+            break;
+    }
+    return HUGE_VAL;
+}
+
+/// Whether an object, which may itself come nearer by `approach`, is within reach.
+bool is_near(const RigidShape& shape, double approach, const Sphere& reach) {
+    const Vec3<double> apart = reach.centre - shape.pose.position;
+    const double within = bound_of(shape.shape) + reach.radius + approach;
+    if (dot(apart, apart) > within * within) return false;
+    return surface_point(shape.shape, shape.pose, reach.centre).distance - reach.radius - approach < 0;
 }
 
 template <class T>
-bool detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
-                      SkinChunk<T>& c) {
-    if (c.slot_capacity == 0) return false;
-    struct Candidate {
-        double distance;
-        int object;
-        unsigned lanes;
-    };
-    std::array<Candidate, max_contact_slots> near;
-    // A finger that sleeps, and is to stay where it is, reaches as far as before.
-    for (int lane = 0; lane < c.width; ++lane)
-        if (((c.used_lanes >> lane) & 1u) && !(((c.unchanged_lanes >> lane) & 1u) && same_target(c, lane)))
-            c.reach[lane] = lane_reach(c, lane, solver);
-    const auto& reach = c.reach;
-    int count = 0;
-    bool crowded = false;
+LaneContact contact_of(const SkinChunk<T>& c, int lane, const RigidShape& shape, int object,
+                       const Table<RigidBody>& bodies) {
+    LaneContact contact{object,         shape.shape,     shape.pose, shape.previous,
+                        shape.friction, shape.stiffness, shape.body, {}};
+    const auto& own = c.rest.object_friction;
+    if (!own.empty()) contact.friction = double(own[std::size_t(object * c.width + lane)]);
+    if (shape.body >= 0) contact.mass_centre = bodies[std::size_t(shape.body)].mass_centre;
+    return contact;
+}
+
+/// Fills the slots of one lane, in the order of the objects. An object keeps its multipliers for as long as it is near.
+template <class T>
+int detect_for_lane(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+                    SkinChunk<T>& c, int lane) {
+    int slot = 0, growths = 0;
     for (int object = 0; object < int(shapes.size()); ++object) {
-        const RigidShape& shape = shapes[object];
-        const double way =
-            shape.body < 0 ? 0 : 2 * solver.dt * norm(bodies[shape.body].velocity) + 20 * solver.dt * solver.dt;
-        Candidate found{1e300, object, 0};
-        for (int lane = 0; lane < c.width; ++lane) {
-            if (!((c.used_lanes >> lane) & 1u)) continue;
-            const double d =
-                surface_point(shape.shape, shape.pose, reach[lane].centre).distance - reach[lane].radius - way;
-            found.distance = std::min(found.distance, d);
-            if (d < 0) found.lanes |= 1u << lane;
-        }
-        if (found.lanes == 0) continue;
-        if (count < c.slot_capacity) {
-            near[count++] = found;
+        const RigidShape& shape = shapes[std::size_t(object)];
+        const double approach = shape.body < 0 ? 0
+                                               : 2 * solver.dt * norm(bodies[std::size_t(shape.body)].velocity) +
+                                                     20 * solver.dt * solver.dt;
+        const bool was_near = slot < c.contacts.count[std::size_t(lane)] && c.contacts.at(slot, lane).object == object;
+        if (!is_near(shape, approach, c.reach[std::size_t(lane)])) {
+            if (was_near) erase_contact(c, lane, slot);
             continue;
         }
-        crowded = true;
-        auto* farthest = std::max_element(near.begin(), near.begin() + count,
-                                          [](auto& a, auto& b) { return a.distance < b.distance; });
-        if (found.distance < farthest->distance) *farthest = found;
+        const LaneContact contact = contact_of(c, lane, shape, object, bodies);
+        if (was_near)
+            c.contacts.at(slot, lane) = contact;
+        else
+            growths += insert_contact(c, lane, slot, contact);
+        ++slot;
     }
-    // An object keeps its slot, and with it its multipliers, for as long as it is near.
-    auto is_near = [&](int object) {
-        return std::any_of(near.begin(), near.begin() + count, [&](auto& n) { return n.object == object; });
-    };
-    for (int slot = 0; slot < c.slot_capacity; ++slot)
-        if (c.slots[slot].object >= 0 && !is_near(c.slots[slot].object)) clear_slot(c, slot);
-    for (int i = 0; i < count; ++i) {
-        auto holds = [&](const ContactSlot& s) { return s.object == near[i].object; };
-        auto slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity, holds);
-        if (slot == c.slots.begin() + c.slot_capacity)
-            slot = std::find_if(c.slots.begin(), c.slots.begin() + c.slot_capacity,
-                                [](const ContactSlot& s) { return s.object < 0; });
-        const RigidShape& shape = shapes[near[i].object];
-        *slot = {near[i].object,  shape.shape, shape.pose, shape.previous, shape.friction,
-                 shape.stiffness, shape.body,  {},         near[i].lanes};
-        if (!c.rest.object_friction.empty())
-            for (int lane = 0; lane < c.width; ++lane)
-                slot->friction = std::max(slot->friction, lane_friction(c, int(slot - c.slots.begin()), lane));
-        if (shape.body >= 0) slot->mass_centre = bodies[shape.body].mass_centre;
+    return growths;
+}
+
+template <class T>
+int detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+                     SkinChunk<T>& c) {
+    int growths = 0;
+    for (int lane = 0; lane < c.width; ++lane) {
+        if (!((c.used_lanes >> lane) & 1u)) continue;
+        // A finger that sleeps, and is to stay where it is, reaches as far as before.
+        if (!(((c.unchanged_lanes >> lane) & 1u) && same_target(c, lane)))
+            c.reach[std::size_t(lane)] = lane_reach(c, lane, solver);
+        growths += detect_for_lane(shapes, bodies, solver, c, lane);
     }
-    return crowded;
+    return growths;
 }
 
 }  // namespace
 
 int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
-                    std::vector<SkinChunk<double>>& double_chunks, std::vector<SkinChunk<float>>& float_chunks) {
-    int crowded = 0;
-    for (auto& c : double_chunks) crowded += detect_for_chunk(shapes, bodies, solver, c);
-    for (auto& c : float_chunks) crowded += detect_for_chunk(shapes, bodies, solver, c);
-    return crowded;
+                    SkinChunks& chunks) {
+    int growths = 0;
+    chunks.for_each([&](auto& c) { growths += detect_for_chunk(shapes, bodies, solver, c); });
+    return growths;
 }
 
 }  // namespace palpate

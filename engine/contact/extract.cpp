@@ -23,30 +23,42 @@ Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, s
     return x;
 }
 
-/// Force of an object on a sample at x, world; adds to the sums of the object.
+/// Force of an object on a sample at x, world; adds to the sums of the object. Friction acts with the normal force of
+/// the last multiplier update: in the step in which a sample leaves the object, it acts alone.
 template <class T>
 Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t s, const Vec3<double>& x,
                           ObjectContact& sums) {
-    const ContactSlot& object = c.slots[slot];
-    const std::size_t i = slot * c.topology->sample_count() + s;
-    const double normal_force = c.state.normal_multiplier[i * c.width + lane];
-    if (normal_force <= 0) return {0, 0, 0};
-    const Vec3<double> normal = surface_point(object.shape, object.pose, x).normal;
-    Vec3<double> force = normal_force * normal;
+    const LaneContact& object = c.contacts.at(slot, lane);
+    const std::size_t i = std::size_t(slot) * c.topology->sample_count() + s;
+    const double normal_force = c.state.normal_multiplier[i * std::size_t(c.width) + std::size_t(lane)];
+    Vec3<double> force{0, 0, 0};
     if (c.has_friction && object.friction > 0) {
         const Vec3<double> friction = read_vec3(c.state.tangential_multiplier, i, c.width, lane);
         force -= rotation_matrix(object.pose.rotation) * friction;
         sums.friction_force += norm(friction);
-        sums.friction_available += lane_friction(c, slot, lane) * normal_force;
+        sums.friction_available += object.friction * std::max(normal_force, 0.0);
     }
-    const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
-    const Vec3<double> way = rotation_matrix(object.pose.rotation) *
-                             (inverse_transform(object.pose, x) - inverse_transform(object.start, before));
-    const double total = sums.normal_force + normal_force;
-    sums.slip += normal_force / total * (norm(way - dot(way, normal) * normal) - sums.slip);
-    sums.normal_force = total;
+    if (normal_force > 0) {
+        const Vec3<double> normal = surface_point(object.shape, object.pose, x).normal;
+        force = normal_force * normal + force;
+        const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
+        const Vec3<double> moved = rotation_matrix(object.pose.rotation) *
+                                   (inverse_transform(object.pose, x) - inverse_transform(object.start, before));
+        const double total = sums.normal_force + normal_force;
+        sums.slip += normal_force / total * (norm(moved - dot(moved, normal) * normal) - sums.slip);
+        sums.normal_force = total;
+    }
     sums.force += force;
     return force;
+}
+
+/// Whether an object rubs a sample.
+template <class T>
+bool rubs(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
+    if (!c.has_friction) return false;
+    const std::size_t i = std::size_t(slot) * c.topology->sample_count() + s;
+    const Vec3<double> friction = read_vec3(c.state.tangential_multiplier, i, c.width, lane);
+    return dot(friction, friction) > 0;
 }
 
 template <class T>
@@ -64,32 +76,33 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     out.normal_force = out.touching_area = 0;
     out.touching = 0;
     const std::size_t S = t.samples.size();
-    for (int slot = 0; slot < max_contact_slots; ++slot) {
-        out.objects[slot] = {};
-        if (slot < c.slot_capacity) out.objects[slot].object = c.slots[slot].object;
-    }
+    const int slots = c.contacts.count[std::size_t(lane)];
+    out.objects.assign(std::size_t(slots), ObjectContact{});
+    for (int slot = 0; slot < slots; ++slot) out.objects[std::size_t(slot)].object = c.contacts.at(slot, lane).object;
     std::fill(out.touches.begin(), out.touches.end(), 0);
     for (std::size_t s = 0; s < S; ++s) {
         out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
         out.force[s] = {0, 0, 0};
     }
-    const SlotOrder slots = occupied_slots(c);
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         const Vec3<double> x = sample_position(c, c.state.position, s, lane);
         Vec3<double> force{0, 0, 0};
         double normal_force = 0;
-        for (const int slot : slots) {
+        bool felt = false;
+        for (int slot = 0; slot < slots; ++slot) {
             const double normal = c.state.normal_multiplier[(slot * t.sample_count() + s) * W + lane];
-            if (normal <= 0) continue;
-            force += sample_force(c, lane, slot, s, x, out.objects[slot]);
-            normal_force += normal;
+            if (normal <= 0 && !rubs(c, lane, slot, s)) continue;
+            force += sample_force(c, lane, slot, s, x, out.objects[std::size_t(slot)]);
+            normal_force += std::max(normal, 0.0);
+            felt = true;
         }
-        if (normal_force <= 0) continue;
+        if (!felt) continue;
+        const char touches = normal_force > 0;
         out.total += force;
         out.normal_force += normal_force;
         if (s < S) {
             out.force[s] += force;
-            out.touches[s] = 1;
+            out.touches[s] |= touches;
             continue;
         }
         // Between nodes: the nodes feel it.
@@ -97,7 +110,7 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
         for (int k = 0; k < 3; ++k) {
             if (f.weight[k] <= 0) continue;
             out.force[f.sample[k]] += f.weight[k] * force;
-            out.touches[f.sample[k]] = 1;
+            out.touches[f.sample[k]] |= touches;
         }
     }
     for (std::size_t s = 0; s < S; ++s)
@@ -106,20 +119,15 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
 
 }  // namespace
 
-void extract_contact(const Table<Skin>& skins, const std::vector<SkinChunk<double>>& double_chunks,
-                     const std::vector<SkinChunk<float>>& float_chunks, Table<Coupling>& couplings,
+void extract_contact(const Table<Skin>& skins, const SkinChunks& chunks, Table<Coupling>& couplings,
                      Table<ContactSurface>& surfaces) {
     for (std::size_t row = 0; row < surfaces.size(); ++row) {
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
-        auto extract_awake = [&](const auto& chunk) {
+        chunks.with(skin.single_precision, skin.chunk, [&](const auto& chunk) {
             if (!((chunk.unchanged_lanes >> skin.lane) & 1u)) extract(chunk, skin.lane, coupling, surfaces[row]);
-        };
-        if (skin.single_precision)
-            extract_awake(float_chunks[skin.chunk]);
-        else
-            extract_awake(double_chunks[skin.chunk]);
+        });
     }
 }
 

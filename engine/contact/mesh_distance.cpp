@@ -1,18 +1,16 @@
-#include "engine/contact/mesh_distance.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
 
+#include "engine/contact/mesh_distance_field.h"
+
 namespace palpate {
 
 namespace {
 
 using Vec = Vec3<double>;
-
-constexpr double contact_band = 3e-3;  ///< [m]
 
 Vec vertex(const Surface& s, int i) { return {s.vertices[i][0], s.vertices[i][1], s.vertices[i][2]}; }
 Vec unit(const Vec& a) {
@@ -158,13 +156,9 @@ void set_support(DistanceMesh& mesh) {
     }
 }
 
-/// Nearest triangle to x, starting with a guess.
-struct Found {
-    Vec offset;  ///< from the nearest point to x
-    double distance2;
-    int triangle, feature;
-};
-Found search(const DistanceMesh& mesh, const Vec& x, int guess) {
+}  // namespace
+
+Found nearest_triangle(const DistanceMesh& mesh, const Vec& x, int guess) {
     struct Entry {
         float distance2;
         int child;
@@ -217,81 +211,6 @@ MeshPoint signed_point(const DistanceMesh& mesh, const Found& f) {
                                 : MeshPoint{distance, (1 / distance) * f.offset};
 }
 
-void set_grid(DistanceMesh& mesh, double smoothing) {
-    std::array<Vec, 2> box{Vec{1e300, 1e300, 1e300}, Vec{-1e300, -1e300, -1e300}};
-    double longest = 0;
-    for (int d = 0; d < 3; ++d) {
-        for (const Point& p : mesh.surface.vertices)
-            box[0][d] = std::min(box[0][d], p[d]), box[1][d] = std::max(box[1][d], p[d]);
-        longest = std::max(longest, box[1][d] - box[0][d]);
-    }
-    const double margin = 3 * contact_band;
-    mesh.smooth = smoothing != 0;
-    mesh.cell = std::max(smoothing > 0 ? smoothing : (longest + 2 * margin) / 48, (longest + 2 * margin) / 128);
-    for (int d = 0; d < 3; ++d) {
-        mesh.grid_low[d] = box[0][d] - margin;
-        mesh.cells[d] = int(std::ceil((box[1][d] - box[0][d] + 2 * margin) / mesh.cell));
-    }
-    std::vector<DistanceMesh::Cell> grid;
-    grid.reserve(std::size_t(mesh.cells[0]) * mesh.cells[1] * mesh.cells[2]);
-    for (int k = 0; k < mesh.cells[2]; ++k)
-        for (int j = 0; j < mesh.cells[1]; ++j)
-            for (int i = 0; i < mesh.cells[0]; ++i) {
-                const Found f = search(mesh, mesh.grid_low + mesh.cell * Vec{i + 0.5, j + 0.5, k + 0.5}, 0);
-                grid.push_back({float(signed_point(mesh, f).distance), f.triangle});
-            }
-    mesh.grid = std::move(grid);
-}
-
-/// The cell of the grid that x lies in, or the one nearest to x; `away`: from its centre to x, in cells.
-const DistanceMesh::Cell& cell_at(const DistanceMesh& mesh, const Vec& x, Vec& away) {
-    const Vec relative = (1 / mesh.cell) * (x - mesh.grid_low);
-    std::array<int, 3> cell;
-    for (int d = 0; d < 3; ++d) {
-        cell[d] = int(std::clamp(relative[d], 0.0, mesh.cells[d] - 0.5));
-        away[d] = relative[d] - (cell[d] + 0.5);
-    }
-    return mesh.grid[(std::size_t(cell[2]) * mesh.cells[1] + cell[1]) * mesh.cells[0] + cell[0]];
-}
-
-/// Whether the field's 3x3x3 cells around x are all there.
-bool inside_grid(const DistanceMesh& mesh, const Vec& x) {
-    for (int d = 0; d < 3; ++d) {
-        const double at = (x[d] - mesh.grid_low[d]) / mesh.cell;
-        if (!(at >= 1 && at < mesh.cells[d] - 1)) return false;
-    }
-    return true;
-}
-
-/// Quadratic B-splines over the cells' distances: once continuously differentiable, exact where the distance is linear.
-MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x) {
-    int cell[3];
-    double weight[3][3], slope[3][3];
-    for (int d = 0; d < 3; ++d) {
-        const double at = (x[d] - mesh.grid_low[d]) / mesh.cell;
-        cell[d] = int(at) - 1;
-        const double t = at - int(at) - 0.5;  // from the middle cell's centre
-        weight[d][0] = 0.5 * (0.5 - t) * (0.5 - t), slope[d][0] = t - 0.5;
-        weight[d][1] = 0.75 - t * t, slope[d][1] = -2 * t;
-        weight[d][2] = 0.5 * (0.5 + t) * (0.5 + t), slope[d][2] = t + 0.5;
-    }
-    double distance = 0;
-    Vec gradient{0, 0, 0};
-    for (int k = 0; k < 3; ++k)
-        for (int j = 0; j < 3; ++j) {
-            const auto* row =
-                &mesh.grid[(std::size_t(cell[2] + k) * mesh.cells[1] + cell[1] + j) * mesh.cells[0] + cell[0]];
-            double value = 0, along = 0;
-            for (int i = 0; i < 3; ++i) value += weight[0][i] * row[i].distance, along += slope[0][i] * row[i].distance;
-            const double jk = weight[1][j] * weight[2][k];
-            distance += jk * value;
-            gradient += Vec{jk * along, slope[1][j] * weight[2][k] * value, weight[1][j] * slope[2][k] * value};
-        }
-    return {distance, (1 / mesh.cell) * gradient};
-}
-
-}  // namespace
-
 DistanceMesh build_distance_mesh(const Surface& surface, double smoothing) {
     DistanceMesh mesh;
     mesh.surface = surface;
@@ -308,29 +227,8 @@ DistanceMesh build_distance_mesh(const Surface& surface, double smoothing) {
     mesh.triangles = std::move(sorted);
     mesh.normals = std::move(sorted_normals);
     set_support(mesh);
-    set_grid(mesh, smoothing);
+    build_field(mesh, smoothing);
     return mesh;
-}
-
-MeshPoint mesh_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
-    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
-    Vec away;
-    return signed_point(mesh, search(mesh, x, cell_at(mesh, x, away).triangle));
-}
-
-MeshPoint mesh_contact_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
-    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
-    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
-    Vec away;
-    const DistanceMesh::Cell& cell = cell_at(mesh, x, away);
-    const double least = cell.distance - mesh.cell * norm(away) - 1e-6;
-    if (least > contact_band) return {least, unit(away)};
-    return signed_point(mesh, search(mesh, x, cell.triangle));
-}
-
-MeshPoint mesh_surface_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
-    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
-    return mesh_distance(mesh, x);
 }
 
 }  // namespace palpate

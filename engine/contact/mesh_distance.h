@@ -1,11 +1,12 @@
 #pragma once
 // Signed distance to a closed triangle mesh. Exact: nearest triangle by a tree of boxes, sign and normal by the
 // pseudonormal of the nearest face, edge or vertex (Baerentzen & Aanaes 2005). For contact: a smooth field, because
-// where nodes rest on the edges between facets, normals jump, and the solve chatters.
+// where nodes rest on the edges between facets, normals jump, and the solve chatters. On its surface the smooth field
+// has a gradient of length one, so that a multiplier times it is as large as the multiplier.
 
 #include <vector>
 
-#include "engine/ecs/linear.h"
+#include "engine/math/linear_algebra.h"
 #include "meshes/surface.h"
 
 namespace palpate {
@@ -34,6 +35,18 @@ struct DistanceMesh {
     Vec3<double> grid_low{0, 0, 0};
     double cell = 0;  ///< edge [m]
     std::vector<Cell> grid;
+    /// Where walls are thinner than cells resolve: finer cells, in bricks of 8x8x8 near the surface; exact distances
+    /// where those are too coarse, too. In between the fields are blended.
+    struct Fine {
+        static constexpr unsigned char thin = 1, thinnest = 2, some_thin = 4, all_thin = 8, some_thinnest = 16,
+                                       all_thinnest = 32;
+        double thinnest_wall = 0;  ///< all but a hundredth of the thin walls are thicker [m]; 0: none is thin
+        double cell = 0;           ///< edge [m]; 0: no fine cells, thin walls are exact
+        std::array<int, 3> bricks{0, 0, 0};
+        std::vector<int> brick;           ///< [brick of the box] which; -1: none
+        std::vector<float> distance;      ///< [brick][10][10][10] with one row of neighbours all around [m]
+        std::vector<unsigned char> wall;  ///< [cell of `grid`] bits above; some, all: of the 27 cells around
+    } fine;
     // As a body of density 1.
     double volume = 0;                            ///< [m^3]
     Vec3<double> centroid{0, 0, 0};               ///< [m]
@@ -43,11 +56,11 @@ struct DistanceMesh {
 
 struct MeshPoint {
     double distance;      ///< [m] negative inside
-    Vec3<double> normal;  ///< unit: gradient of the distance
+    Vec3<double> normal;  ///< gradient of the distance; of length one, but for the smooth field off the surface
 };
 
 /// The surface must be closed (check_surface). `smoothing`: cells of the smooth field [m], edges become about as round;
-/// 0: contact is exact; below 0: chosen by the size.
+/// 0: contact is exact; below 0: chosen by the size. Walls thinner than two cells get finer ones.
 DistanceMesh build_distance_mesh(const Surface& surface, double smoothing = -1);
 
 /// Exact.

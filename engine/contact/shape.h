@@ -2,7 +2,7 @@
 // Virtual objects as signed distances with exact normals.
 
 #include "engine/contact/mesh_distance.h"
-#include "engine/ecs/pose.h"
+#include "engine/math/pose.h"
 
 namespace palpate {
 
@@ -90,14 +90,11 @@ inline SurfacePoint<R> mesh_point(const DistanceMesh& mesh, const Vec3<R>& x) {
 }
 }  // namespace detail
 
-/// Distance and normal of the point x, both in the shape's frame. Of a mesh, the distance is exact near its surface and
-/// inside (mesh_contact_distance).
+/// Distance and normal of the point x to a shape that its dimensions describe (any but a mesh), in the shape's frame.
+/// Lanes may differ in the dimensions.
 template <class R>
-inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x) {
-    const Vec3<R> size{R(ScalarOf<R>(shape.size.x)), R(ScalarOf<R>(shape.size.y)), R(ScalarOf<R>(shape.size.z))};
-    switch (shape.kind) {
-        case ShapeKind::plane:
-            return {x.z, {R(0), R(0), R(1)}};
+inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, const Vec3<R>& x) {
+    switch (kind) {
         case ShapeKind::box:
             return detail::box_point(x, size);
         case ShapeKind::sphere:
@@ -108,10 +105,20 @@ inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x)
         }
         case ShapeKind::cylinder:
             return detail::cylinder_point(x, size.x, size.y);
+        case ShapeKind::plane:
         case ShapeKind::mesh:
-            return detail::mesh_point(*shape.mesh, x);
+            break;
     }
     return {x.z, {R(0), R(0), R(1)}};
+}
+
+/// Distance and normal of the point x, both in the shape's frame. Of a mesh, the distance is exact near its surface and
+/// inside (mesh_contact_distance).
+template <class R>
+inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x) {
+    if (shape.kind == ShapeKind::mesh) return detail::mesh_point(*shape.mesh, x);
+    const Vec3<R> size{R(ScalarOf<R>(shape.size.x)), R(ScalarOf<R>(shape.size.y)), R(ScalarOf<R>(shape.size.z))};
+    return primitive_point(shape.kind, size, x);
 }
 
 /// Distance and normal of the point x (world) to a shape at `pose`.

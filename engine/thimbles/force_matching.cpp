@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "devices/least_squares.h"
-#include "engine/skin/solve_skin.h"
+#include "devices/matching/least_squares.h"
+#include "engine/skin/solve/solve_skin.h"
 
 namespace palpate {
 
@@ -146,10 +146,11 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
         for (int lane = 0; lane < width; ++lane) {
             set_lane(c, lane, lane_count(m), skin, Pose<double>::identity());
             m.lane_w.push_back(model.rest);
+            LaneContact platform;
+            platform.object = 0;
+            platform.shape = platform_shape(model);
+            insert_contact(c, lane, 0, platform);
         }
-        c.slots[0].object = 0;
-        c.slots[0].shape = platform_shape(model);
-        c.lane_poses.assign(std::size_t(width), platform_pose(model, model.rest));
         hold_bone(c);
     }
     const auto n = std::ptrdiff_t(3 * topology->samples.size());
@@ -172,18 +173,20 @@ void solve_pads(ForceMatcher& m, const DeviceModel& model) {
     int first = 0;
     for (SkinChunk<float>& c : m.chunks) {
         for (int lane = 0; lane < c.width; ++lane)
-            c.lane_poses[std::size_t(lane)] = platform_pose(model, m.lane_w[std::size_t(first + lane)]);
+            c.contacts.at(0, lane).pose = c.contacts.at(0, lane).start =
+                platform_pose(model, m.lane_w[std::size_t(first + lane)]);
         solve_skin(c, m.solver);
         const SkinTopology& t = *c.topology;
         for (int lane = 0; lane < c.width; ++lane) {
             ++m.solves;
             m.unconverged += !c.status[std::size_t(lane)].converged;
-            const Pose<double>& pose = c.lane_poses[std::size_t(lane)];
+            const LaneContact& platform = c.contacts.at(0, lane);
             for (std::size_t s = 0; s < t.samples.size(); ++s) {
                 const double force = c.state.normal_multiplier[s * std::size_t(c.width) + std::size_t(lane)];
                 Vec3<double> f{0, 0, 0};
                 if (force > 0)
-                    f = force * surface_point(c.slots[0].shape, pose, node_position(c, t.samples[s], lane)).normal;
+                    f = force *
+                        surface_point(platform.shape, platform.pose, node_position(c, t.samples[s], lane)).normal;
                 for (int d = 0; d < 3; ++d) m.forces(std::ptrdiff_t(3 * s) + d, first + lane) = f[d];
             }
         }

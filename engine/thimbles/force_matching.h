@@ -6,8 +6,8 @@
 
 #include <vector>
 
-#include "devices/matching.h"
-#include "engine/skin/chunk.h"
+#include "devices/matching/matching.h"
+#include "engine/skin/chunks/chunk.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
-#include "devices/least_squares.h"
-#include "devices/platform_force.h"
+#include "devices/matching/least_squares.h"
+#include "devices/matching/platform_force.h"
 #include "engine/systems.h"
 
 namespace palpate {
@@ -79,15 +79,39 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::t
         [&] { oneapi::tbb::parallel_for(std::size_t(0), matchings.size(), solve, oneapi::tbb::simple_partitioner()); });
 }
 
-void publish(const Table<Matching>& matchings, double time, double sampled_at, Table<DeviceLink>& links) {
+namespace {
+
+/// Nearer to rest while its tracker is silent, nearer to the match otherwise.
+void retreat(DeviceLink& link, const TrackerPose& tracker, double dt) {
+    const bool silent = tracker.silent > link.silence;
+    if (silent && link.retreat == 0) ++link.retreats;
+    link.retreat = std::clamp(link.retreat + (silent ? dt / link.retreat_time : -dt / link.return_time), 0.0, 1.0);
+}
+
+/// A share of the way from a command to the rest configuration, pushing ever less.
+void lead_to_rest(const Matching& m, double share, ThimbleCommand& command) {
+    const Coordinates rest = m.model.kind->joints(m.model, m.model.rest).q;
+    command.q += share * (rest - command.q);
+    if (command.torque.size() == 0) return;
+    const double moving = ForceModeSettings{}.moving_share * m.model.max_force;
+    const Coordinates least = torques_for_force(m.model, m.model.rest, moving).cwiseAbs();
+    command.torque = ((1 - share) * command.torque).cwiseMax(share * least);
+}
+
+}  // namespace
+
+void publish(const Table<TrackerPose>& trackers, const Table<Coupling>& couplings, const Table<Matching>& matchings,
+             double time, double dt, double sampled_at, Table<DeviceLink>& links) {
     for (std::size_t row = 0; row < links.size(); ++row) {
         const Matching* m = matchings.find(links.owner(row));
-        if (!m || !m->fresh || !links[row].mailbox) continue;
+        if (!m) continue;
+        retreat(links[row], *trackers.find(couplings.find(m->finger)->tracker), dt);
+        if (!m->fresh || !links[row].mailbox) continue;
         const bool valid = m->result.status != MatchingStatus::kept;
-        if (m->force_mode)
-            links[row].mailbox->publish({time, m->q, valid, sampled_at, m->torque});
-        else
-            links[row].mailbox->publish({time, m->result.q, valid, sampled_at});
+        ThimbleCommand command{time, m->force_mode ? m->q : m->result.q, valid, sampled_at};
+        if (m->force_mode) command.torque = m->torque;
+        if (links[row].retreat > 0) lead_to_rest(*m, links[row].retreat, command);
+        links[row].mailbox->publish(command);
     }
 }
 

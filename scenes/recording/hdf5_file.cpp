@@ -1,6 +1,7 @@
 #include "scenes/recording/hdf5_file.h"
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
 
 #ifdef PALPATE_HDF5
 
@@ -8,6 +9,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstdio>
 
 namespace palpate {
 
@@ -17,7 +20,7 @@ namespace {
 class Handle {
   public:
     Handle(hid_t id, herr_t (*close)(hid_t), const std::filesystem::path& path) : id_(id), close_(close) {
-        if (id_ < 0) throw InputError(path.string() + ": HDF5 cannot write it");
+        if (id_ < 0) throw std::runtime_error(path.string() + ": HDF5 cannot write it (is the disk full?)");
     }
     ~Handle() { close_(id_); }
     Handle(const Handle&) = delete;
@@ -33,7 +36,9 @@ class Handle {
 
 bool has_hdf5() { return true; }
 
-void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables) {
+namespace {
+
+void write_tables(const std::filesystem::path& path, const std::map<std::string, Series>& tables) {
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // what goes wrong is said below
     const Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose, path);
     const Handle groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose, path);
@@ -48,7 +53,7 @@ void write_hdf5(const std::filesystem::path& path, const std::map<std::string, S
         const Handle data(H5Dcreate2(file, name.c_str(), H5T_IEEE_F64LE, space, groups, layout, H5P_DEFAULT), H5Dclose,
                           path);
         if (size[0] > 0 && H5Dwrite(data, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, series.values.data()) < 0)
-            throw InputError(path.string() + ": HDF5 cannot write " + name + " (is the disk full?)");
+            throw std::runtime_error(path.string() + ": HDF5 cannot write " + name + " (is the disk full?)");
         std::string columns;
         for (const std::string& c : series.columns) columns += (columns.empty() ? "" : ",") + c;
         const Handle text(H5Tcopy(H5T_C_S1), H5Tclose, path);
@@ -57,7 +62,26 @@ void write_hdf5(const std::filesystem::path& path, const std::map<std::string, S
         const Handle attribute(H5Acreate2(data, "columns", text, one, H5P_DEFAULT, H5P_DEFAULT), H5Aclose, path);
         H5Awrite(attribute, text, columns.c_str());
     }
-    if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) throw InputError(path.string() + ": HDF5 cannot write it");
+    if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0)
+        throw std::runtime_error(path.string() + ": HDF5 cannot write it (is the disk full?)");
+}
+
+}  // namespace
+
+void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables) {
+    const std::filesystem::path part = path.string() + ".part";
+    write_file(part, "");  // says why, where there can be no file
+    try {
+        write_tables(part, tables);
+    } catch (...) {
+        std::filesystem::remove(part);
+        throw;
+    }
+    if (std::rename(part.c_str(), path.c_str()) != 0) {
+        const int error = errno;
+        std::filesystem::remove(part);
+        throw_unwritable(path, error);
+    }
 }
 
 }  // namespace palpate

@@ -3,7 +3,7 @@
 
 #include <map>
 
-#include "scenes/recording/series.h"
+#include "scenes/run/series.h"
 
 namespace palpate {
 
@@ -11,7 +11,8 @@ namespace palpate {
 bool has_hdf5();
 
 /// One dataset per series, [row][column] f64, compressed; its columns' names, joined by commas, as attribute "columns".
-/// Names with slashes become groups. Throws InputError where the file cannot be written, or has_hdf5() is false.
+/// Names with slashes become groups. The file is complete or absent. Throws as throw_unwritable, and InputError where
+/// has_hdf5() is false.
 void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables);
 
 }  // namespace palpate

@@ -85,15 +85,9 @@ std::string pad_file(const std::string& finger, std::size_t number) {
     return finger + text;
 }
 
-void make_folder(const fs::path& folder) {
-    std::error_code error;
-    fs::create_directories(folder, error);
-    if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
-}
-
 }  // namespace
 
-PadSeries::PadSeries(fs::path folder, double rate) : folder_(std::move(folder)), rate_(rate) { make_folder(folder_); }
+PadSeries::PadSeries(fs::path folder, double rate) : folder_(std::move(folder)), rate_(rate) {}
 
 void PadSeries::record(const Simulation& s) {
     if (s.world.time + 1e-9 < next_) return;
@@ -135,10 +129,22 @@ std::vector<Plot> plots_of(const Simulation& s) {
                             {"Steps by duration", "wall time [us]", "share of steps [%]", {}, {}, false}};
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const Series& series = s.finger_series[i];
-        const auto time = series.column("time_s");
+        const auto settled = settled_steps(series);
+        auto settled_only = [&](const char* column) {
+            std::vector<double> values = series.column(column);
+            std::size_t count = 0;
+            for (std::size_t k = 0; k < values.size(); ++k)
+                if (settled[k]) values[count++] = values[k];
+            values.resize(count);
+            return values;
+        };
+        const auto time = settled_only("time_s");
         const std::string& name = s.scene.spec.fingers[i].name;
-        plots[0].curves.push_back({name, time, series.column("contact_force_N")});
-        plots[1].curves.push_back({name, time, series.column("contact_area_mm2")});
+        const std::size_t left_out = series.rows() - time.size();
+        const std::string label =
+            left_out ? name + " (" + std::to_string(left_out) + " unsettled steps left out)" : name;
+        plots[0].curves.push_back({label, time, settled_only("contact_force_N")});
+        plots[1].curves.push_back({name, time, settled_only("contact_area_mm2")});
     }
     const auto time = s.step_series.column("time_s");
     plots[2].curves.push_back({"whole step", time, s.step_series.column("total_us")});
@@ -151,10 +157,8 @@ std::vector<Plot> plots_of(const Simulation& s) {
 
 }  // namespace
 
-std::vector<fs::path> write_results(const fs::path& folder, const Simulation& s, const Summary& summary) {
-    make_folder(folder);
-    std::vector<fs::path> files;
-    auto add = [&](const std::string& name) { return files.emplace_back(folder / name); };
+void write_results(const fs::path& folder, const Simulation& s, const Summary& summary) {
+    auto add = [&](const std::string& name) { return folder / name; };
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const std::string& name = s.scene.spec.fingers[i].name;
         write_csv(add(name + ".csv"), s.finger_series[i]);
@@ -168,7 +172,6 @@ std::vector<fs::path> write_results(const fs::path& folder, const Simulation& s,
     write_picture(add("picture.svg"), s);
     write_file(add("summary.txt"), to_text(summary));
     write_file(add("summary.json"), to_json(summary).dump(2) + "\n");
-    return files;
 }
 
 }  // namespace palpate

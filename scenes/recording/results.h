@@ -4,14 +4,13 @@
 #include <filesystem>
 #include <vector>
 
-#include "scenes/summary.h"
+#include "scenes/run/summary.h"
 
 namespace palpate {
 
-/// Writes series (CSV), plots and a picture (SVG), final pads (VTU) and the summary (JSON, text) into
-/// `folder`. Returns the files written. Throws InputError where it cannot write.
-std::vector<std::filesystem::path> write_results(const std::filesystem::path& folder, const Simulation& simulation,
-                                                 const Summary& summary);
+/// Writes series (CSV), plots and a picture (SVG), final pads (VTU) and the summary (JSON, text) into `folder`, which
+/// exists: a ResultsFolder's part. Throws as throw_unwritable (mesh_files.h).
+void write_results(const std::filesystem::path& folder, const Simulation& simulation, const Summary& summary);
 
 /// A finger's mesh where it is now, with displacement, contact force, bone reaction and pressure per node and
 /// principal stretches per element.
@@ -22,7 +21,7 @@ void write_pad(const std::filesystem::path& path, const World& world, EntityId f
 void write_nodes(const std::filesystem::path& path, const World& world, EntityId finger);
 
 /// Pads over time for ParaView: NAME_0000.vtu, ... and NAME.pvd per finger, no more often than `rate` per simulated
-/// second. Throws InputError where it cannot write.
+/// second, into a folder that exists. Throws as throw_unwritable.
 class PadSeries {
   public:
     PadSeries(std::filesystem::path folder, double rate);

@@ -1,66 +1,109 @@
 #pragma once
-// A recorded run: what went in, and what came out of every step. The file grows by whole frames with checksums, so that
-// everything up to the last complete frame can be read after a crash or a kill.
+// Recorded runs: what went in, and what came out of every step, in a file of frames (frames.h) that is named "palpate2"
+// by its first 8 bytes. What each kind of frame holds, all numbers little-endian:
 //
-// Layout, little-endian: 8 bytes "palpate1"; then frames of u32 size, u32 kind, payload, u32 CRC-32 of kind and
-// payload. Kind 1 (first frame): JSON with scene (path), text (of the scene file), overrides, fingers, objects, arrays
-// (names). Kind 2 (one per step): f64 time; per finger: u8 valid, f64 sample time, 7 f64 tracked pose (p, q = w x y z);
-// per object: 7 f64 pose; per array: u64 hash of its bytes after the step; per finger: 3 f64 contact force [N]; where
-// the header says "governed": u8 preset of the step.
+//   1 run: a run begins. JSON: version, scene (path), text (of the scene file), overrides, fingers, objects (names, in
+//     order), arrays (names of what is hashed), governed, dt_s, duration_s.
+//   3 step: u64 number of the step; f64 time; i8 preset of the governor (-1: none); u32 fingers, objects, arrays,
+//   moved;
+//     per finger u8 valid, f64 sample time, tracked pose, 3 f64 contact force after the step [N]; per object its pose
+//     before the step; per array u64 hash of its bytes after the step; per object that forces move u32 row, pose after
+//     the step. A pose is 7 f64: p [m], q = w x y z.
+//   4 arrays: from the next step on these are hashed (a body is released). JSON: arrays.
+//   5 settings: the run goes on with other settings. JSON: overrides.
+//   6 end: the run was ended in order. u64 steps recorded of it.
+//
+// Files that begin with "palpate1" hold one run: kind 1 and kind 2 (one per step): f64 time; per finger u8 valid, f64
+// sample time, pose; per object its pose; per array u64 hash, and further ones of bodies that were released; per finger
+// 3 f64 force; where the header says "governed" u8 preset.
 
-#include <cstdint>
-#include <cstdio>
-#include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
-#include "scenes/simulation.h"
+#include "scenes/recording/frames.h"
+#include "scenes/run/simulation.h"
 
 namespace palpate {
 
-/// What a step left behind: a hash of every array that must come out the same again, and the forces for people.
+struct MovedObject {
+    int object;         ///< row
+    Pose<double> pose;  ///< after the step
+};
+
+/// What a step left behind: a hash of every array that must come out the same again, and forces and poses for people.
 struct StepOutcome {
     std::vector<std::uint64_t> hashes;
     std::vector<Vec3<double>> forces;  ///< per finger [N]
+    std::vector<MovedObject> moved;    ///< objects that forces move
 };
 StepOutcome outcome_of(const Simulation& simulation);
-/// Names of the hashed arrays, in order.
+/// Names of the hashed arrays, in order, as they are now: those of a body begin when it is released. Hashed are
+/// positions and forces by node, whatever order and precision the solver keeps them in.
 std::vector<std::string> array_names(const Simulation& simulation);
-
-struct RecordedStep {
-    double time;
-    StepInputs inputs;
-    StepOutcome outcome;
-};
 
 class RunWriter {
   public:
-    /// Throws InputError where the file cannot be written.
+    /// Makes the file, or empties it, and begins a run. Throws where the file cannot be written.
     RunWriter(const std::filesystem::path& path, const Simulation& simulation,
               const std::vector<std::string>& overrides);
+    /// Another run begins, or the same one anew: after `finish`.
+    void begin(const Simulation& simulation, const std::vector<std::string>& overrides);
+    /// The run goes on with other settings, carried over into `simulation` (viewer/carry_over.h).
+    void change_settings(const Simulation& simulation, const std::vector<std::string>& overrides);
     /// Call after every step with its inputs.
     void record(const StepInputs& inputs, const Simulation& simulation);
+    /// The run ended in order.
+    void finish();
+    /// Why nothing more could be written (the disk is full); empty while all is well.
+    const std::string& failure() const { return file_.failure(); }
 
   private:
-    void frame(std::uint32_t kind, const std::vector<std::uint8_t>& payload);
-    std::filesystem::path path_;
-    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+    FrameWriter file_;
+    std::vector<char> moving_;  ///< per object: forces move it
+    std::uint64_t steps_ = 0;   ///< of this run
+};
+
+struct RecordedStep {
+    std::int64_t number;
+    double time;
+    StepInputs inputs;
+    StepOutcome outcome;
+    std::shared_ptr<const std::vector<std::string>> arrays;  ///< names of the hashes; null: the file does not say
 };
 
 struct RecordedRun {
+    /// From step `step` (row) on the run has other settings.
+    struct Change {
+        std::size_t step;
+        std::vector<std::string> overrides;
+    };
+    /// Before step `step` (row) bytes were damaged.
+    struct Gap {
+        std::size_t step, bytes;
+    };
     std::string scene, text;
     std::vector<std::string> overrides, fingers, objects, arrays;
     bool governed = false;  ///< a governor chose each step's preset
+    double duration = 0;    ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;
-    std::size_t unread_bytes = 0;  ///< after the last complete frame
+    std::vector<Change> changes;
+    std::vector<Gap> gaps;
+    bool ended = false;  ///< in order
 };
 
-/// The recorded scene, if its file still says what it said then. Throws InputError with the remedy if not.
-Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file);
+struct Recording {
+    int version = 2;
+    std::vector<RecordedRun> runs;
+    std::size_t unread_bytes = 0;     ///< after the last complete frame
+    std::size_t unknown_frames = 0;   ///< whole, but of a kind that this program does not know
+    std::vector<std::string> losses;  ///< sentences about what is missing; empty: nothing is
+};
 
-/// Reads up to the last complete frame. Throws InputError for what is no recorded run.
-RecordedRun read_run(const std::filesystem::path& path);
+/// Reads all complete frames. Throws InputError for what is no recording, or has no header left.
+Recording read_recording(const std::filesystem::path& path);
+
+/// The recorded scene with these overrides, if its file still says what it said then. Throws InputError with the remedy
+/// if not.
+Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
+                     const std::vector<std::string>& overrides);
 
 }  // namespace palpate

@@ -1,6 +1,9 @@
 #include "scenes/trackers/hand_mailbox.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "scenes/web/bounded_json.h"
 
 namespace palpate {
 
@@ -93,18 +96,26 @@ TrackerPose::Sample HandMailbox::newest(int hand, int finger) const {
     return sample;
 }
 
+double HandMailbox::arrived_at(int hand) const {
+    const std::lock_guard lock(mutex_);
+    const Hand& h = hands_[std::size_t(hand)];
+    if (!h.frame.valid || Clock::now() - h.arrived >= stale) return 0;
+    return std::chrono::duration<double>(h.arrived.time_since_epoch()).count();
+}
+
 void take_joints(HandMailbox& mailbox, const char* text, std::size_t size) {
-    const auto json = nlohmann::json::parse(text, text + size, nullptr, false);
-    if (!json.is_object()) return mailbox.count_malformed("expected a JSON object");
+    std::string wrong;
+    const auto json = parse_object({text, size}, wrong);
+    if (!wrong.empty()) return mailbox.count_malformed(std::move(wrong));
     HandFrameUnits units;
     HandFrame frame;
-    std::string wrong = read_units(json, units);
+    wrong = read_units(json, units);
     const auto which = json.find("hand");
     const auto name = which == json.end() ? hand_names.begin() + 1
                                           : std::find(hand_names.begin(), hand_names.end(),
-                                                      which->is_string() ? which->get<std::string>() : which->dump());
+                                                      which->is_string() ? which->get<std::string>() : "");
     if (wrong.empty() && name == hand_names.end())
-        wrong = "hand: expected \"left\" or \"right\", found " + which->dump().substr(0, 40);
+        wrong = "hand: expected \"left\" or \"right\", found " + shown(*which);
     const auto t = json.find("t");
     if (wrong.empty() && t != json.end() && !t->is_number()) wrong = "t: expected the time in seconds";
     if (wrong.empty()) wrong = read_hand_frame(json, units, frame);

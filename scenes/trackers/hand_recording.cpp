@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "meshes/input_error.h"
+#include "scenes/trackers/leap_csv.h"
 #include "scenes/trackers/trajectory.h"
+#include "scenes/web/bounded_json.h"
 
 namespace palpate {
 
@@ -41,8 +41,6 @@ void set_finger(HandFrame& frame, int finger, const Vector3d& joint, const Vecto
     frame.length[std::size_t(finger)] = (tip - joint).norm();
 }
 
-namespace {
-
 void add_frame(HandRecording& recording, HandFrame frame, double time, const std::filesystem::path& path, int line) {
     frame.time = time;
     if (!recording.frames.empty()) {
@@ -54,78 +52,13 @@ void add_frame(HandRecording& recording, HandFrame frame, double time, const std
     recording.frames.push_back(frame);
 }
 
+namespace {
+
 /// One line without the carriage return of files written on Windows.
 bool next_line(std::istream& in, std::string& line) {
     if (!std::getline(in, line)) return false;
     if (!line.empty() && line.back() == '\r') line.pop_back();
     return true;
-}
-
-HandRecording read_csv(const std::filesystem::path& path, const std::string& hand) {
-    std::ifstream in(path);
-    std::string line, cell;
-    if (!next_line(in, line)) refuse(path, 1, "the file is empty");
-    std::map<std::string, int> column;
-    std::istringstream head(line);
-    for (int i = 0; std::getline(head, cell, ','); ++i)
-        if (!column.try_emplace(cell, i).second) refuse(path, 1, "two columns are called '" + cell + "'");
-    auto need = [&](const std::string& name) {
-        const auto it = column.find(name);
-        if (it == column.end()) refuse(path, 1, "column '" + name + "' is missing");
-        return it->second;
-    };
-    const int time_column = need("t_us"), hand_column = need("hand");
-    struct Columns {
-        int joint[3], tip[3], basis[9];
-    } columns[5];
-    const char* names[5] = {"thumb", "index", "middle", "ring", "pinky"};
-    for (int f = 0; f < 5; ++f)
-        for (int d = 0; d < 3; ++d) {
-            const std::string axis(1, "xyz"[d]), finger = names[f];
-            columns[f].joint[d] = need(finger + "_dip_" + axis);
-            columns[f].tip[d] = need(finger + "_tip_" + axis);
-            for (int k = 0; k < 3; ++k)
-                columns[f].basis[3 * d + k] = need(finger + "_distalbasis_" + std::to_string(d) + std::to_string(k));
-        }
-    HandRecording recording;
-    const Matrix3d up = upright(true);
-    double first_time = 0;
-    bool started = false;
-    for (int number = 2; next_line(in, line); ++number) {
-        if (line.empty()) continue;
-        std::vector<std::string> cells;
-        std::istringstream row(line);
-        while (std::getline(row, cell, ',')) cells.push_back(cell);
-        if (cells.size() != column.size())
-            refuse(path, number,
-                   "expected " + std::to_string(column.size()) + " cells, found " + std::to_string(cells.size()) +
-                       " (truncated?)");
-        auto value = [&](int c) {
-            char* end = nullptr;
-            const double x = std::strtod(cells[c].c_str(), &end);
-            if (*end || !std::isfinite(x))
-                refuse(path, number,
-                       "expected a number in cell " + std::to_string(c + 1) + ", found '" + cells[c] + "'");
-            return x;
-        };
-        const double time = 1e-6 * value(time_column);
-        if (!started) first_time = time, started = true;
-        if (cells[hand_column] != hand) continue;
-        HandFrame frame;
-        frame.valid = true;
-        for (int f = 0; f < 5; ++f) {
-            Vector3d joint, tip;
-            Matrix3d basis;  // rows of the file are the axes
-            for (int d = 0; d < 3; ++d) {
-                joint[d] = 1e-3 * value(columns[f].joint[d]);
-                tip[d] = 1e-3 * value(columns[f].tip[d]);
-                for (int k = 0; k < 3; ++k) basis(k, d) = value(columns[f].basis[3 * d + k]);
-            }
-            set_finger(frame, f, up * joint, up * tip, up * basis);
-        }
-        add_frame(recording, frame, time - first_time, path, number);
-    }
-    return recording;
 }
 
 HandRecording read_json_lines(const std::filesystem::path& path, const std::string& hand) {
@@ -137,10 +70,10 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
     HandFrameUnits units;
     for (int number = 1; next_line(in, line); ++number) {
         if (line.empty()) continue;
-        const auto json = nlohmann::json::parse(line, nullptr, false);
-        if (!json.is_object())
-            refuse(path, number,
-                   "expected a JSON object (half a line at the end is left by a killed recorder: delete it)");
+        std::string wrong;
+        const auto json = parse_object(line, wrong);
+        if (!wrong.empty())
+            refuse(path, number, wrong + " (half a line at the end is left by a killed recorder: delete it)");
         if (!json.contains("joints") || json["joints"].is_string()) {  // a header
             units = {};
             if (const std::string wrong = read_units(json, units); !wrong.empty()) refuse(path, number, wrong);
@@ -162,11 +95,11 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
 
 std::string read_units(const nlohmann::json& json, HandFrameUnits& units) {
     auto text = [&](const char* key, const std::string& fallback) {
-        return !json.contains(key) ? fallback : json[key].is_string() ? json[key].get<std::string>() : json[key].dump();
+        return !json.contains(key) ? fallback : json[key].is_string() ? json[key].get<std::string>() : "";
     };
     const std::string unit = text("units", units.scale == 1 ? "m" : "mm"), axis = text("up", units.y_up ? "y" : "z");
-    if (unit != "m" && unit != "mm") return "units: expected \"m\" or \"mm\", found \"" + unit + "\"";
-    if (axis != "y" && axis != "z") return "up: expected \"y\" or \"z\", found \"" + axis + "\"";
+    if (unit != "m" && unit != "mm") return "units: expected \"m\" or \"mm\", found " + shown(json["units"]);
+    if (axis != "y" && axis != "z") return "up: expected \"y\" or \"z\", found " + shown(json["up"]);
     units = {unit == "mm" ? 1e-3 : 1, axis == "y"};
     return "";
 }
@@ -202,7 +135,7 @@ HandRecording read_hand_recording(const std::filesystem::path& path, const std::
     const std::string kind = path.extension().string();
     HandRecording recording;
     if (kind == ".csv")
-        recording = read_csv(path, hand);
+        recording = read_leap_csv(path, hand);
     else if (kind == ".jsonl" || kind == ".json")
         recording = read_json_lines(path, hand);
     else

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -28,6 +28,7 @@ struct HandRecording {
     std::vector<HandFrame> frames;
     double largest_gap = 0;  ///< between frames [s]
     bool loop = false;       ///< replayed again and again
+    std::string note{};      ///< what was guessed; empty: nothing
 };
 
 /// Unit of length and up axis of joints.
@@ -52,9 +53,13 @@ std::string read_units(const nlohmann::json& json, HandFrameUnits& units);
 /// if nothing is. Does not set the frame's time.
 std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandFrame& frame);
 
+/// Appends a frame [s from the first], one that repeats the last one's time apart. Throws InputError where time runs
+/// backward.
+void add_frame(HandRecording& recording, HandFrame frame, double time, const std::filesystem::path& path, int line);
+
 /// Reads JSON lines (a header with units and up axis, then {"t", "hand", "valid", "joints": 26 x
 /// [x, y, z, qx, qy, qz, qw, radius]}, joints ordered and oriented as in XR_EXT_hand_tracking) or the CSV of the
-/// Leap Motion recordings. `hand` is "left" or "right". Throws InputError with file and line.
+/// Leap Motion recordings (leap_csv.h). `hand` is "left" or "right". Throws InputError with file and line.
 HandRecording read_hand_recording(const std::filesystem::path& path, const std::string& hand);
 
 /// First line of a recording as hand_line writes them, and a frame: the joints that a finger's pose needs, the others

@@ -32,13 +32,25 @@ SourceName parse_source(const std::string& source) {
 
 }  // namespace
 
+const std::vector<TrackerSource>& tracker_sources() {
+    static const std::vector<TrackerSource> all{
+        {"ultraleap", "the WebSocket of a Leap Motion service on this machine, both hands"},
+        {"ultraleap:HOST:PORT", "the same elsewhere"},
+        {"udp:PORT", "one JSON object per datagram, 26 joints as in OpenXR"},
+        {"websocket:PORT", "the same as messages to ws://127.0.0.1:PORT/hand"},
+    };
+    return all;
+}
+
 std::string tracker_problem(const std::string& source) {
     const SourceName s = parse_source(source);
     const auto colons = std::count(source.begin(), source.end(), ':');
     if ((s.kind == "udp" || s.kind == "websocket") && colons == 1 && s.port >= 0) return "";
     if (s.kind == "ultraleap" && (colons == 0 || (colons == 2 && s.port > 0 && !s.host.empty()))) return "";
-    return "expected \"udp:PORT\", \"websocket:PORT\", \"ultraleap\" or \"ultraleap:HOST:PORT\", found \"" + source +
-           "\"";
+    std::string forms;
+    for (const TrackerSource& t : tracker_sources())
+        forms += (forms.empty() ? "\"" : ", \"") + std::string(t.form) + "\"";
+    return "expected one of " + forms + ", found \"" + source + "\"";
 }
 
 std::string to_text(const HandCounts& c) {

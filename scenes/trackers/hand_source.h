@@ -2,6 +2,7 @@
 // Where live hands come from.
 
 #include <memory>
+#include <vector>
 
 #include "scenes/trackers/hand_mailbox.h"
 
@@ -17,8 +18,14 @@ class HandSourceThread {
     virtual int port() const { return 0; }
 };
 
-/// What is wrong with the name of a source; empty if nothing is. Sources: "udp:PORT", "websocket:PORT" (both take 26
-/// joints as JSON), "ultraleap" or "ultraleap:HOST:PORT" (the WebSocket of a Leap Motion service).
+/// The sources there are.
+struct TrackerSource {
+    const char* form;   ///< of its name: "udp:PORT"
+    const char* about;  ///< for a person
+};
+const std::vector<TrackerSource>& tracker_sources();
+
+/// What is wrong with the name of a source; empty if nothing is.
 std::string tracker_problem(const std::string& source);
 
 /// Opens a source by its name. Throws InputError with what is wrong.

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "engine/skin/topology.h"
+#include "engine/skin/chunks/topology.h"
 #include "scenes/trackers/hand_recording.h"
 
 namespace palpate {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "engine/ecs/pose.h"
+#include "engine/math/pose.h"
 
 namespace palpate {
 

@@ -1,14 +1,20 @@
 #include "scenes/trackers/ultraleap.h"
 
-#include <civetweb.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <atomic>
 #include <cmath>
 #include <condition_variable>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "meshes/input_error.h"
+#include "scenes/web/bounded_json.h"
+#include "scenes/web/client.h"
+#include "scenes/web/server.h"
 
 namespace palpate {
 
@@ -75,71 +81,43 @@ std::string read_hands(const json& frame, std::array<HandFrame, 2>& hands) {
 
 class UltraleapHands : public HandSourceThread {
   public:
-    UltraleapHands(HandMailbox& mailbox, std::string host, int port)
-        : mailbox_(mailbox), host_(std::move(host)), port_(port) {
-        mg_init_library(MG_FEATURES_WEBSOCKET);
+    UltraleapHands(HandMailbox& mailbox, std::string host, int port) : mailbox_(mailbox) {
+        service_.host = std::move(host);
+        service_.port = port;
+        service_.path = "/v6.json";
+        service_.connected = [this] {
+            mailbox_.count_connection();
+            last_id_ = -1;
+            // Frames also while this program is not in front: the service asks for both, word for word.
+            return std::vector<std::string>{"{\"version\":6}", "{\"background\":true}"};
+        };
+        service_.message = [this](const std::string& text) {
+            take_ultraleap(mailbox_, text.data(), text.size(), last_id_);
+        };
+        service_.too_large = [this] { mailbox_.count_malformed("a message of more than 64 kB"); };
+        stop_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
         connector_ = std::thread([this] { stay_connected(); });
     }
     ~UltraleapHands() override {
-        {
-            const std::lock_guard lock(mutex_);
-            ending_ = true;
-        }
-        changed_.notify_all();
+        const std::uint64_t one = 1;
+        [[maybe_unused]] const auto n = ::write(stop_fd_, &one, sizeof one);
         connector_.join();
-        mg_exit_library();
+        ::close(stop_fd_);
     }
     std::string about() const override {
-        return "Leap Motion service at ws://" + host_ + ":" + std::to_string(port_) + "/v6.json";
+        return "Leap Motion service at ws://" + service_.host + ":" + std::to_string(service_.port) + "/v6.json";
     }
 
   private:
     void stay_connected() {
-        while (true) {
-            closed_ = false;
-            last_id_ = -1;
-            char error[200] = "";
-            mg_connection* c = mg_connect_websocket_client(
-                host_.c_str(), port_, 0, error, sizeof error, "/v6.json", nullptr,
-                [](mg_connection*, int kind, char* text, std::size_t size, void* data) -> int {
-                    auto& self = *static_cast<UltraleapHands*>(data);
-                    if ((kind & 0xf) == MG_WEBSOCKET_OPCODE_CONNECTION_CLOSE) return 0;
-                    if ((kind & 0xf) == MG_WEBSOCKET_OPCODE_TEXT)
-                        take_ultraleap(self.mailbox_, text, size, self.last_id_);
-                    return 1;
-                },
-                [](const mg_connection*, void* data) {
-                    auto& self = *static_cast<UltraleapHands*>(data);
-                    {
-                        const std::lock_guard lock(self.mutex_);
-                        self.closed_ = true;
-                    }
-                    self.changed_.notify_all();
-                },
-                this);
-            std::unique_lock lock(mutex_);
-            if (c) {
-                lock.unlock();
-                mailbox_.count_connection();
-                // Frames also while this program is not in front: the service asks for both, word for word.
-                for (const std::string hello : {"{\"version\":6}", "{\"background\":true}"})
-                    mg_websocket_client_write(c, MG_WEBSOCKET_OPCODE_TEXT, hello.data(), hello.size());
-                lock.lock();
-                changed_.wait(lock, [&] { return closed_ || ending_; });
-                lock.unlock();
-                mg_close_connection(c);
-                lock.lock();
-            }
-            if (changed_.wait_for(lock, std::chrono::milliseconds(500), [&] { return ending_; })) return;
-        }
+        pollfd stop{stop_fd_, POLLIN, 0};
+        do converse(service_, stop_fd_);
+        while (::poll(&stop, 1, 500) == 0);
     }
     HandMailbox& mailbox_;
-    std::string host_;
-    int port_;
+    WebConversation service_;
     std::int64_t last_id_ = -1;
-    std::mutex mutex_;
-    std::condition_variable changed_;
-    bool ending_ = false, closed_ = false;
+    int stop_fd_ = -1;
     std::thread connector_;
 };
 
@@ -150,11 +128,12 @@ std::unique_ptr<HandSourceThread> receive_ultraleap_hands(HandMailbox& mailbox, 
 }
 
 void take_ultraleap(HandMailbox& mailbox, const char* text, std::size_t size, std::int64_t& last_id) {
-    const json message = json::parse(text, text + size, nullptr, false);
-    if (!message.is_object()) return mailbox.count_malformed("expected a JSON object");
+    std::string wrong;
+    const json message = parse_object({text, size}, wrong);
+    if (!wrong.empty()) return mailbox.count_malformed(std::move(wrong));
     if (!message.contains("hands")) return;  // the service's version, and events of its devices
     std::array<HandFrame, 2> hands;
-    std::string wrong = read_hands(message, hands);
+    wrong = read_hands(message, hands);
     const auto stamp = message.find("timestamp"), id = message.find("id");
     if (wrong.empty() && (stamp == message.end() || !stamp->is_number())) wrong = "expected a \"timestamp\"";
     if (!wrong.empty()) return mailbox.count_malformed(std::move(wrong));
@@ -201,56 +180,58 @@ nlohmann::json ultraleap_frame(std::int64_t id, double time, const std::array<co
 }
 
 struct UltraleapEmulator::State {
-    mg_context* context = nullptr;
-    int port = 0;
     std::array<std::shared_ptr<const HandRecording>, 2> hands;
     double speed = 1;
     bool loop = false;
-    mutable std::mutex mutex;
+    std::mutex mutex;
     std::condition_variable changed;
-    std::vector<mg_connection*> clients;
-    bool ending = false, drop = false;
+    bool ending = false;
     std::atomic<bool> ended{false};
+    std::unique_ptr<WebServer> server;
     std::thread sender;
-    static State& of(void* data) { return *static_cast<State*>(data); }
 
-    void send_all() {
-        struct Event {
-            double time;
-            std::array<const HandFrame*, 2> hands;
-        };
-        std::vector<Event> events;
-        for (std::size_t side : {0u, 1u}) {
-            if (!hands[side]) continue;
-            for (const HandFrame& f : hands[side]->frames) {
-                auto same = std::find_if(events.begin(), events.end(), [&](auto& e) { return e.time == f.time; });
-                if (same == events.end()) same = events.insert(events.end(), Event{f.time, {}});
-                same->hands[side] = &f;
-            }
-        }
-        std::sort(events.begin(), events.end(), [](auto& a, auto& b) { return a.time < b.time; });
-        const double length = events.back().time - events.front().time + 0.02;
-        std::unique_lock lock(mutex);
-        changed.wait(lock, [&] { return !clients.empty() || ending; });
-        const auto start = std::chrono::steady_clock::now();
-        std::int64_t id = 0;
-        for (int round = 0; !ending && (round == 0 || loop); ++round)
-            for (const Event& e : events) {
-                const double time = e.time - events.front().time + round * length;
-                const auto due = start + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-                                             std::chrono::duration<double>(time / speed));
-                changed.wait_until(lock, due, [&] { return ending; });
-                if (ending) return;
-                const std::string text = ultraleap_frame(++id, time, e.hands).dump();
-                for (mg_connection* c : clients) {
-                    if (drop) mg_websocket_write(c, MG_WEBSOCKET_OPCODE_CONNECTION_CLOSE, nullptr, 0);
-                    mg_websocket_write(c, MG_WEBSOCKET_OPCODE_TEXT, text.data(), text.size());
-                }
-                drop = false;
-            }
-        ended = true;
-    }
+    struct Event {
+        double time;
+        std::array<const HandFrame*, 2> hands;
+    };
+    std::vector<Event> events() const;
+    void send_all();
 };
+
+/// Both hands' frames by their times.
+std::vector<UltraleapEmulator::State::Event> UltraleapEmulator::State::events() const {
+    std::vector<Event> events;
+    for (std::size_t side : {0u, 1u}) {
+        if (!hands[side]) continue;
+        for (const HandFrame& f : hands[side]->frames) {
+            auto same = std::find_if(events.begin(), events.end(), [&](auto& e) { return e.time == f.time; });
+            if (same == events.end()) same = events.insert(events.end(), Event{f.time, {}});
+            same->hands[side] = &f;
+        }
+    }
+    std::sort(events.begin(), events.end(), [](auto& a, auto& b) { return a.time < b.time; });
+    return events;
+}
+
+void UltraleapEmulator::State::send_all() {
+    using Clock = std::chrono::steady_clock;
+    const std::vector<Event> all = events();
+    const double length = all.back().time - all.front().time + 0.02;
+    std::unique_lock lock(mutex);
+    while (server->clients() == 0)
+        if (changed.wait_for(lock, std::chrono::milliseconds(5), [&] { return ending; })) return;
+    const auto start = Clock::now();
+    std::int64_t id = 0;
+    for (int round = 0; round == 0 || loop; ++round)
+        for (const Event& e : all) {
+            const double time = e.time - all.front().time + round * length;
+            const auto due =
+                start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(time / speed));
+            if (changed.wait_until(lock, due, [&] { return ending; })) return;
+            server->send_text(ultraleap_frame(++id, time, e.hands).dump());
+        }
+    ended = true;
+}
 
 UltraleapEmulator::UltraleapEmulator(int port, std::array<std::shared_ptr<const HandRecording>, 2> hands, double speed,
                                      bool loop)
@@ -258,39 +239,16 @@ UltraleapEmulator::UltraleapEmulator(int port, std::array<std::shared_ptr<const 
     State& s = *state_;
     s.hands = std::move(hands);
     s.speed = speed, s.loop = loop;
-    const std::string address = "127.0.0.1:" + std::to_string(port);
-    const char* options[] = {"listening_ports", address.c_str(), "num_threads", "4", nullptr};
-    mg_init_library(MG_FEATURES_WEBSOCKET);
-    mg_callbacks callbacks{};
-    s.context = mg_start(&callbacks, &s, options);
-    if (!s.context) {
-        mg_exit_library();
+    WebHandlers handlers;
+    handlers.accepts = [](const HttpHead& head, const WebPeer&) { return head.path() == "/v6.json"; };
+    handlers.greeting = [] { return std::string("{\"serviceVersion\":\"palpate emulate-tracker\",\"version\":6}"); };
+    handlers.message = [](const WebPeer&, const std::string&) { return true; };
+    try {
+        s.server = std::make_unique<WebServer>(port, false, std::move(handlers));
+    } catch (const InputError&) {
         throw InputError("cannot listen on port " + std::to_string(port) +
                          ": is a Leap Motion service running? Choose another one with --port");
     }
-    mg_server_port listening[4];
-    if (mg_get_server_ports(s.context, 4, listening) > 0) s.port = listening[0].port;
-    mg_set_websocket_handler(
-        s.context, "/v6.json", [](const mg_connection*, void*) -> int { return 0; },
-        [](mg_connection* c, void* data) {
-            State& state = State::of(data);
-            const std::string hello = "{\"serviceVersion\":\"palpate emulate-tracker\",\"version\":6}";
-            mg_websocket_write(c, MG_WEBSOCKET_OPCODE_TEXT, hello.data(), hello.size());
-            {
-                const std::lock_guard lock(state.mutex);
-                state.clients.push_back(c);
-            }
-            state.changed.notify_all();
-        },
-        [](mg_connection*, int kind, char*, std::size_t, void*) -> int {
-            return (kind & 0xf) != MG_WEBSOCKET_OPCODE_CONNECTION_CLOSE;
-        },
-        [](const mg_connection* c, void* data) {
-            State& state = State::of(data);
-            const std::lock_guard lock(state.mutex);
-            state.clients.erase(std::remove(state.clients.begin(), state.clients.end(), c), state.clients.end());
-        },
-        &s);
     s.sender = std::thread([&s] { s.send_all(); });
 }
 
@@ -301,19 +259,11 @@ UltraleapEmulator::~UltraleapEmulator() {
     }
     state_->changed.notify_all();
     state_->sender.join();
-    mg_stop(state_->context);
-    mg_exit_library();
 }
 
-int UltraleapEmulator::port() const { return state_->port; }
-int UltraleapEmulator::clients() const {
-    const std::lock_guard lock(state_->mutex);
-    return int(state_->clients.size());
-}
+int UltraleapEmulator::port() const { return state_->server->port(); }
+int UltraleapEmulator::clients() const { return state_->server->clients(); }
 bool UltraleapEmulator::ended() const { return state_->ended; }
-void UltraleapEmulator::drop_clients() {
-    const std::lock_guard lock(state_->mutex);
-    state_->drop = true;
-}
+void UltraleapEmulator::drop_clients() { state_->server->drop_clients(); }
 
 }  // namespace palpate

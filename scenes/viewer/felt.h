@@ -5,7 +5,7 @@
 #include <mutex>
 #include <thread>
 
-#include "scenes/compare.h"
+#include "scenes/studies/compare.h"
 
 namespace palpate {
 

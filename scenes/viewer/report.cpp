@@ -1,6 +1,7 @@
 #include "scenes/viewer/report.h"
 
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "meshes/mesh_files.h"
 #include "scenes/viewer/assets.h"

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "scenes/summary.h"
+#include "scenes/run/summary.h"
 #include "scenes/viewer/stage.h"
 
 namespace palpate {

@@ -5,8 +5,9 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <nlohmann/json.hpp>
 
-#include "engine/skin/svd3.h"
+#include "engine/math/svd3.h"
 
 namespace palpate {
 

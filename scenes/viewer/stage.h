@@ -2,10 +2,10 @@
 // What the viewer's page draws: a stage that stays, described as JSON, and frames that change, as bytes.
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "scenes/simulation.h"
+#include "scenes/run/simulation.h"
 #include "scenes/viewer/felt.h"
 
 namespace palpate {

@@ -402,7 +402,7 @@ function settingRows() {
   }
 }
 function startLive() {
-  const socket = new WebSocket('ws://' + location.host + '/frames');
+  const socket = new WebSocket('ws://' + location.host + '/frames' + location.search);  // with its token
   let first = true;
   socket.binaryType = 'arraybuffer';
   tell = message => socket.readyState === 1 && socket.send(JSON.stringify(message));
@@ -411,6 +411,10 @@ function startLive() {
       const message = JSON.parse(event.data);
       if (message.reload) location.reload();
       if ('error' in message) by('failure').textContent = message.error;
+      if ('silent' in message) {
+        by('silent').hidden = message.silent === '';
+        by('silent').textContent = `no hand is seen; led to rest: ${message.silent}`;
+      }
       if ('faults' in message) {
         by('faults').hidden = message.faults === '';
         by('faults').firstElementChild.textContent = `fault: ${message.faults}; mend its cause, then`;
@@ -421,18 +425,22 @@ function startLive() {
     addFrame(readFrame(new DataView(event.data), 0));
     document.body.dataset.frames = frames.length;
     if (Object.values(quantities).map(q => q.most).join() !== most) legend();
-    if (first) { first = false; legend(); aim(-1); }
+    if (first) {
+      first = false;
+      legend();
+      aim(-1);
+      if (link.has('probe')) console.log('first picture drawn');  // for tests
+    }
     else if (playing || now >= frames.length - 2) show(frames.length - 1);
   };
   socket.onclose = () => { by('failure').textContent = 'The simulation has ended.'; };
   settingRows();
 }
 
-if (run.live) startLive();
-else startReport();
-
 // A link such as report.html#t=0.4&still=1 opens at a time; tests use it, too.
 const link = new URLSearchParams(location.hash.slice(1));
+if (run.live) startLive();
+else startReport();
 if (link.has('t')) show(frames.findIndex(f => f.time >= Number(link.get('t')) - 1e-6));
 if (link.has('colour')) { by('colour').value = link.get('colour'); legend(); show(now); }
 if (link.has('finger')) { by('camera').value = link.get('finger'); aim(Number(link.get('finger'))); }

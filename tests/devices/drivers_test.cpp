@@ -1,18 +1,12 @@
 // Servo controllers without hardware: what goes on the wire, and what happens when it breaks.
 
-#include <unistd.h>
-
-#include <thread>
-
-#include "devices/device_thread.h"
+#include "devices/drivers/board.h"
 #include "devices/drivers/maestro_protocol.h"
 #include "devices/drivers/serial_protocol.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
-
-using testing::eventually;
 
 TEST(WireValue, AnySequenceStaysInRangeAndInsideTheSpeedLimit) {
     std::mt19937 random(1);
@@ -42,14 +36,78 @@ TEST(WireValue, AnySequenceStaysInRangeAndInsideTheSpeedLimit) {
                 ASSERT_LE(std::abs(int(value) - int(told.low)), most);
                 ASSERT_LE(std::abs(int(value) - int(told.high)), most);
             }
-            if (told.low == no_pulse || random() % 10)
-                told = {value, value, 0};
-            else  // lost, or not
-                told = {std::min(told.low, value), std::max(told.high, value), 0};
+            told = told_after(told, value, random() % 10 != 0, elapsed, 0);
             if (i % 1000 == 0) told = {};
         }
     }
     EXPECT_EQ(limit_wire(6000, {6000, 6000, 0}, {}, 0.02), no_pulse);  // a channel without limits is not driven
+}
+
+TEST(WireValue, SpeedRisesByTheAccelerationLimitAndAnyTargetIsReached) {
+    std::mt19937 random(5);
+    const double speed = 15000, acceleration = 700000;
+    const WireLimits limits{4000, 8000, speed, acceleration};
+    Told told{6000, 6000, 0};
+    double v = 0;
+    WireValue wanted = 6000;
+    for (int i = 0; i < 1000000; ++i) {
+        const double elapsed = i % 50 == 49 ? 0.3 : 0.001 + 0.03 * double(random() % 1000) / 1000;
+        if (i % 37 == 0) wanted = WireValue(random());
+        const WireValue value = limit_wire(wanted, told, limits, elapsed);
+        const double time = std::min(elapsed, 0.03), step = double(value) - double(told.low);
+        if (elapsed > 0.05) v = 0;  // it has stood since
+        ASSERT_LE(std::abs(step), std::max(1.0, speed * time));
+        ASSERT_LE(step, std::max(1.0, (std::max(v, 0.0) + acceleration * time) * time)) << i;
+        ASSERT_GE(step, -std::max(1.0, (std::max(-v, 0.0) + acceleration * time) * time)) << i;
+        told = told_after(told, value, true, elapsed, 0);
+        v = step / time;
+    }
+    for (int k = 0; k < 200; ++k) told = told_after(told, limit_wire(7777, told, limits, 0.02), true, 0.02, 0);
+    EXPECT_EQ(told.low, 7777);
+    // What is known to be out of range begins at the end of the range; slow limits get there, too.
+    EXPECT_LE(limit_wire(4000, {9000, 9000, 0}, limits, 0.02), 8000);
+    EXPECT_GT(limit_wire(4000, {9000, 9000, 0}, limits, 0.02), 7000);
+    const WireLimits slow{4000, 8000, 10, 20};
+    Told at{6000, 6000, 0};
+    for (int k = 0; k < 200; ++k) {
+        const WireValue value = limit_wire(6010, at, slow, 0.1);
+        at = told_after(at, value, true, 0.1, 0);
+    }
+    EXPECT_EQ(at.low, 6010);
+}
+
+TEST(WireValue, TorqueLimitsRiseSlowlyAndFallAtOnce) {
+    const WireLimits limits{1000, 3000, 1000, 0, 0, 4000};
+    EXPECT_LE(limit_torque_wire(800, no_torque_limit, limits, 10), 120);
+    EXPECT_LE(limit_torque_wire(800, 100, limits, 0.02), 180);
+    EXPECT_EQ(limit_torque_wire(0, 800, limits, 0.001), 0);
+    EXPECT_EQ(limit_torque_wire(no_torque_limit, 800, limits, 0.001), no_torque_limit);
+}
+
+TEST(FollowingErrors, LagIsNoneAndStandingIsBlocked) {
+    FollowingError servo;
+    servo.start(2000, 0);
+    double t = 0;
+    WireValue told[400];
+    for (int k = 0; k < 400; ++k, t += 0.02) {  // 3 rad/s to and fro, followed 0.1 s later
+        told[k] = WireValue(2048 + 300 * std::sin(0.13 * k));
+        servo.told(told[k], t);
+        ASSERT_EQ(servo.measured(told[std::max(0, k - 5)], 100, t), FaultKind::none) << k;
+    }
+    FaultKind found = FaultKind::none;
+    const double stands = t;
+    for (int k = 0; k < 50 && found == FaultKind::none; ++k, t += 0.02) {
+        servo.told(2600, t);
+        found = servo.measured(2100, 100, t);
+    }
+    EXPECT_EQ(found, FaultKind::blocked);
+    EXPECT_GT(t - stands, 0.1);
+    EXPECT_LT(t - stands, 0.5);
+    servo.start(2000, t);
+    found = FaultKind::none;
+    for (int k = 0; k < 50 && found == FaultKind::none; ++k, t += 0.02)
+        found = servo.measured(WireValue(2000 + 30 * k), 100, t);
+    EXPECT_EQ(found, FaultKind::off_course) << "nobody told it to move";
 }
 
 TEST(WireValue, AnglesComeBack) {
@@ -92,142 +150,6 @@ TEST(MaestroProtocol, RepliesOfAnotherLengthAreNone) {
     EXPECT_EQ(parse_servo(6, 1, micro)->position, 6000);
     EXPECT_FALSE(parse_servo(6, 6, micro));
     EXPECT_FALSE(parse_servo(18, 0, micro));
-}
-
-/// A controller of our own, which remembers and breaks.
-struct FakeState {
-    std::mutex mutex;
-    std::vector<ChannelTarget> seen;
-    std::atomic<bool> refuse{false}, vanish{false}, there{true};
-    std::atomic<int> delay_ms{0};
-};
-class FakeLink final : public BoardLink {
-  public:
-    explicit FakeLink(FakeState& state) : state_(state) {}
-    std::string open(std::span<WireValue> positions) override {
-        if (!state_.there) return "not there";
-        positions[0] = 5000;
-        return "";
-    }
-    void close() override {}
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
-        std::this_thread::sleep_for(std::chrono::milliseconds(state_.delay_ms));
-        if (state_.vanish) return {"gone", true};
-        if (state_.refuse) return {"refused"};
-        const std::lock_guard lock(state_.mutex);
-        for (std::size_t i = 0; i < targets.size(); ++i) state_.seen.push_back(targets[i]), arrived[i] = 1;
-        return {};
-    }
-    LinkProblem feed() override { return state_.vanish ? LinkProblem{"gone", true} : LinkProblem{}; }
-
-  private:
-    FakeState& state_;
-};
-
-TEST(Board, SendsOnlyWhatChanged) {
-    FakeState state;
-    Board board(std::make_unique<FakeLink>(state));
-    for (int k = 0; k < 5; ++k) {
-        board.limit(2, wire_limits({}, 4, 6));
-        board.limit(3, wire_limits({}, 4, 6));
-        board.set(2, 6000);
-        board.set(3, 6100);
-        board.set(4, 6200);  // without limits
-        board.wake();
-        board.drain();
-    }
-    EXPECT_EQ(state.seen.size(), 2u);
-    EXPECT_EQ(board.position(0), 5000);
-    EXPECT_EQ(board.position(2), 6000);
-}
-
-TEST(Board, OneFailureIsTriedAgainManyAreALoss) {
-    FakeState state;
-    Board board(std::make_unique<FakeLink>(state));
-    board.limit(1, wire_limits({}, 4, 6));
-    state.refuse = true;
-    board.set(1, 6000);
-    board.wake();
-    ASSERT_TRUE(eventually([&] { return board.status().failures > 0; }));
-    state.refuse = false;
-    ASSERT_TRUE(eventually([&] { return board.position(1) == 6000; }));
-    EXPECT_EQ(board.state(), BoardState::ready);
-    state.refuse = true;
-    board.set(1, 6400);
-    ASSERT_TRUE(eventually([&] { return board.state() == BoardState::lost; }));
-    EXPECT_EQ(board.status().problem, "refused");
-}
-
-TEST(Board, WhatWasWantedBeforeALossIsNotSentAfterIt) {
-    FakeState state;
-    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
-    DeviceModel model = find_kind("chinello-3rrs")->defaults();
-    ThimbleLoop loop;
-    initialise(loop, model, {}, make_board_driver(board, {0, 1, 2}, std::vector<ServoCalibration>(3), 6));
-    double t = 0;
-    tick(loop, t += 0.02);
-    board->drain();
-    state.there = false;
-    state.vanish = true;
-    ASSERT_TRUE(eventually([&] { return board->state() == BoardState::lost; }));
-    tick(loop, t += 0.02);
-    EXPECT_EQ(loop.status.mode, ThimbleMode::fault);
-    {
-        const std::lock_guard lock(state.mutex);
-        state.seen.clear();
-    }
-    EXPECT_FALSE(rearm(loop, t));
-    state.vanish = false;
-    state.there = true;
-    ASSERT_TRUE(eventually([&] { return board->status().opened == 2; }));
-    tick(loop, t += 0.02);
-    std::this_thread::sleep_for(std::chrono::milliseconds(60));
-    EXPECT_EQ(loop.status.mode, ThimbleMode::fault);
-    EXPECT_TRUE(state.seen.empty());  // latched, although it is back
-    EXPECT_TRUE(rearm(loop, t));
-    tick(loop, t += 0.02);
-    board->drain();
-    EXPECT_FALSE(state.seen.empty());
-    EXPECT_EQ(loop.status.mode, ThimbleMode::resting);
-}
-
-TEST(Board, ASlowControllerDelaysNoTick) {
-    FakeState state;
-    state.delay_ms = 150;
-    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
-    auto driver = make_board_driver(board, {0, 1, 2}, std::vector<ServoCalibration>(3), 6);
-    const auto start = std::chrono::steady_clock::now();
-    for (int k = 0; k < 200; ++k) driver->send(Eigen::Vector3d(0.001 * k, 0, 0), 0.02 * k);
-    // Two hundred sends would take half a minute if they waited; this bound is far from both.
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
-}
-
-TEST(DeviceThreads, StartWhereServosAreAndEndInTheRestPose) {
-    FakeState state;
-    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
-    ThimbleLoop loop;
-    initialise(loop, find_kind("chinello-3rrs")->defaults(), {},
-               make_board_driver(board, {0, 1, 2}, std::vector<ServoCalibration>(3), 6));
-    {
-        DeviceThread thread({&loop});
-        for (int k = 0; k < 30; ++k) {
-            loop.mailbox.publish({0, Eigen::Vector3d(0.2, -0.2, 0.1), true});
-            std::this_thread::sleep_for(std::chrono::milliseconds(10));
-        }
-        EXPECT_NEAR(angle_of({}, 4, board->position(0)), 0.2, 0.126 / 636);
-    }
-    board->drain();
-    EXPECT_TRUE(at_rest(loop));
-    for (int j = 0; j < 3; ++j)
-        EXPECT_NEAR(angle_of({}, 4, board->position(j)), loop.rest_q[j], 0.126 / 636) << "joint " << j;
-    // Never faster than the limit: the board takes at most one target a channel and tick.
-    WireValue last = 5000;
-    const std::lock_guard lock(state.mutex);
-    for (const ChannelTarget& t : state.seen) {
-        if (t.channel != 0) continue;
-        EXPECT_LE(std::abs(t.value - last), 4 * 636.62 * 6 * 1.05 * 0.1);
-        last = t.value;
-    }
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "devices/device.h"
-#include "devices/platform_force.h"
+#include "devices/matching/platform_force.h"
 #include "tests/support.h"
 
 namespace palpate {

@@ -4,8 +4,8 @@
 #include <thread>
 
 #include "devices/drivers/simulated.h"
-#include "devices/loop.h"
-#include "devices/platform_force.h"
+#include "devices/loop/loop.h"
+#include "devices/matching/platform_force.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -17,7 +17,7 @@ DeviceModel device() { return find_kind("chinello-3rrs")->defaults(); }
 class SpyDriver final : public Driver {
   public:
     SpyDriver(std::vector<Coordinates>& sent, bool& broken) : sent_(sent), broken_(broken) {}
-    DriverStatus send(const Coordinates& q, double) override {
+    DriverStatus send(const Coordinates& q, double, double) override {
         if (broken_) return DriverStatus::fault;
         sent_.push_back(q);
         return DriverStatus::ok;
@@ -189,6 +189,79 @@ TEST(ThimbleLoop, MissedTicksAreCountedNotCaughtUp) {
     EXPECT_EQ(b.loop.status.misses, 4);
     EXPECT_FALSE(tick(b.loop, 0.106)) << "no burst";
     EXPECT_EQ(b.loop.status.ticks, 2);
+}
+
+TEST(ThimbleLoop, ATickThatIsANanosecondEarlyIsOneTick) {
+    Bench b;
+    tick(b.loop, 0);
+    for (int k = 1; k <= 50; ++k) {
+        const double early = b.loop.next_tick - 0.9e-9;
+        EXPECT_TRUE(tick(b.loop, early));
+        EXPECT_FALSE(tick(b.loop, early + 1e-4)) << "ticked twice";
+    }
+    EXPECT_EQ(b.loop.status.misses, 0);
+    EXPECT_EQ(b.loop.status.ticks, 51);
+    EXPECT_EQ(b.loop.status.worst_lateness, 0);
+}
+
+TEST(ThimbleLoop, TheFirstMoveAfterArmingIsSlow) {
+    Bench b;
+    ASSERT_TRUE(rearm(b.loop, 0));
+    double t = 0;
+    for (; t < 0.2; t += 0.02) {
+        const Coordinates before = b.loop.q;
+        b.publish(t, 0.3), tick(b.loop, t);
+        EXPECT_LE((b.loop.q - before).cwiseAbs().maxCoeff(), b.loop.settings.first_velocity * 0.02 * (1 + 1e-9));
+    }
+    EXPECT_GT((b.loop.q - b.loop.rest_q).norm(), 0.05) << "it moves";
+    for (; t < 3; t += 0.02) b.publish(t, 0.3), tick(b.loop, t);
+    double fastest = 0;
+    for (double end = t + 0.3; t < end; t += 0.02) {
+        const Coordinates before = b.loop.q;
+        b.publish(t, -0.3), tick(b.loop, t);
+        fastest = std::max(fastest, (b.loop.q - before).cwiseAbs().maxCoeff() / 0.02);
+    }
+    EXPECT_GT(fastest, 2 * b.loop.settings.first_velocity) << "and is fast from then on";
+}
+
+TEST(ThimbleLoop, WhereTheDeadMansSwitchIsLetGoItHoldsThenRests) {
+    Bench b;
+    double t = 0;
+    for (; t < 0.5; t += 0.02) b.publish(t, 0.1), tick(b.loop, t);
+    ASSERT_EQ(b.loop.status.mode, ThimbleMode::following);
+    b.loop.let_go = true;
+    const double released = t;
+    for (; t < released + 0.07; t += 0.02) b.publish(t, 0.2), tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::holding);
+    for (; t < released + 0.6; t += 0.02) b.publish(t, 0.2), tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::resting);
+    EXPECT_LT((b.loop.q - b.loop.rest_q).norm(), 1e-9) << "whatever commands come";
+    b.loop.let_go = false;
+    b.publish(t, 0.2), tick(b.loop, t);
+    EXPECT_EQ(b.loop.status.mode, ThimbleMode::following);
+    EXPECT_GE(b.loop.easing_since, 0) << "slowly, as after arming";
+}
+
+TEST(ThimbleLoop, TheApproachToAFirstContactHasALimitOfItsOwn) {
+    Bench b;
+    b.loop.settings.touch_velocity = 0.5;
+    auto command = [&](double time, double theta, bool contact) {
+        const Coordinates w = contact ? Eigen::Vector3d(theta, 0, 0.024) : Eigen::Vector3d(b.loop.model.rest);
+        b.loop.mailbox.publish({time, b.loop.model.kind->joints(b.loop.model, w).q, true});
+        const Coordinates before = b.loop.q;
+        tick(b.loop, time);
+        return (b.loop.q - before).cwiseAbs().maxCoeff() / 0.02;
+    };
+    double t = 0, fastest = 0;
+    for (; t < 0.3; t += 0.02) command(t, 0, false);
+    for (; t < 4; t += 0.02) fastest = std::max(fastest, command(t, 0.3, true));
+    EXPECT_LE(fastest, 0.5 * (1 + 1e-9));
+    const DeviceModel& m = b.loop.model;
+    EXPECT_LT((b.loop.q - b.loop.newest.q.cwiseMax(m.joint_min).cwiseMin(m.joint_max)).norm(), 1e-3)
+        << "it gets there, as far as joints go";
+    fastest = 0;
+    for (; t < 5; t += 0.02) fastest = std::max(fastest, command(t, -0.3, true));
+    EXPECT_GT(fastest, 1) << "in contact it follows as fast as ever";
 }
 
 TEST(ThimbleLoop, ParkingBringsTheRestPose) {

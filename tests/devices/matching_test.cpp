@@ -4,8 +4,8 @@
 #include <numbers>
 #include <random>
 
-#include "devices/least_squares.h"
-#include "devices/matching_objective.h"
+#include "devices/matching/least_squares.h"
+#include "devices/matching/matching_objective.h"
 #include "tests/support.h"
 
 namespace palpate {

@@ -1,19 +1,16 @@
 // Servos on serial lines: protocols against their published examples, noise and pieces, and buses on pseudo-terminals.
 
-#include <pty.h>
-#include <unistd.h>
-
-#include <map>
-#include <thread>
-
+#include "devices/drivers/board.h"
 #include "devices/drivers/serial_bus.h"
 #include "devices/drivers/serial_protocol.h"
+#include "tests/emulator/servo_bus.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
 using testing::eventually;
+using testing::ServoBusEmulator;
 
 TEST(SerialProtocols, PublishedExamples) {
     // Pololu Maestro user's guide, 5.e: channel 2 to 1500 us; channel 3 off and channel 4 to 1500 us in one command.
@@ -105,128 +102,47 @@ TEST(SerialProtocols, HostileBytesAreDiscarded) {
         }
 }
 
-/// The other end of a serial line: a thread that answers like servos.
-class PtyServos {
-  public:
-    explicit PtyServos(SerialProtocol protocol) : protocol_(protocol) {
-        int slave = -1;
-        char name[256];
-        if (openpty(&master_, &slave, name, nullptr, nullptr) != 0) throw std::runtime_error("no pty");
-        port = name;
-        slave_ = slave;
-        thread_ = std::thread([this] { serve(); });
-    }
-    ~PtyServos() {
-        stop_ = true;
-        thread_.join();
-        ::close(master_);
-        if (slave_ >= 0) ::close(slave_);
-    }
-    std::string port;
-    std::map<int, int> goals() {
-        const std::lock_guard lock(mutex_);
-        return goals_;
-    }
-    std::map<std::pair<int, int>, int> registers() {
-        const std::lock_guard lock(mutex_);
-        return registers_;
-    }
-    std::atomic<bool> silent{false};
-    std::atomic<bool> stubborn{false};  ///< keeps its operating mode
-
-  private:
-    void say(const Bytes& bytes) {
-        if (!silent) [[maybe_unused]]
-            const auto n = ::write(master_, bytes.data(), bytes.size());
-    }
-    void serve() {
-        Bytes in;
-        while (!stop_) {
-            timeval wait{0, 5000};
-            fd_set set;
-            FD_ZERO(&set);
-            FD_SET(master_, &set);
-            if (::select(master_ + 1, &set, nullptr, nullptr, &wait) <= 0) continue;
-            std::uint8_t bytes[256];
-            const auto n = ::read(master_, bytes, sizeof bytes);
-            if (n > 0) in.insert(in.end(), bytes, bytes + n);
-            const std::lock_guard lock(mutex_);
-            while (protocol_ == SerialProtocol::maestro_compact ? take_compact(in) : take_packet(in)) {}
-        }
-    }
-    static void erase(Bytes& in, std::size_t n) { in.erase(in.begin(), in.begin() + std::ptrdiff_t(n)); }
-    bool take_compact(Bytes& in) {
-        if (in.empty()) return false;
-        const std::size_t need = in[0] == 0x84 || in[0] == 0x87   ? 4
-                                 : in[0] == 0x90                  ? 2
-                                 : in[0] == 0xA1                  ? 1
-                                 : in[0] == 0x9F && in.size() > 1 ? 3 + 2 * std::size_t(in[1])
-                                                                  : 3;
-        if (in.size() < need) return false;
-        if (in[0] == 0x84) goals_[in[1]] = in[2] | in[3] << 7;
-        if (in[0] == 0x9F)
-            for (int k = 0; k < in[1]; ++k)
-                goals_[in[2] + k] = in[std::size_t(3 + 2 * k)] | in[std::size_t(4 + 2 * k)] << 7;
-        if (in[0] == 0x90) say({std::uint8_t(goals_[in[1]]), std::uint8_t(goals_[in[1]] >> 8)});
-        if (in[0] == 0xA1) say({0, 0});
-        return erase(in, need), true;
-    }
-    int position(int id) { return goals_.count(id) ? goals_[id] : 2000; }
-    bool take_packet(Bytes& in) {
-        const bool wide = protocol_ == SerialProtocol::dynamixel;
-        if (in.size() < (wide ? 7u : 4u)) return false;
-        const std::size_t whole = wide ? 7u + (in[5] | in[6] << 8) : 4u + in[3];
-        if (in.size() < whole) return false;
-        const int id = in[wide ? 4 : 2], what = in[wide ? 7 : 4];
-        const Bytes p(in.begin() + (wide ? 8 : 5), in.begin() + std::ptrdiff_t(whole) - (wide ? 2 : 1));
-        const std::size_t a = wide ? 2 : 1, size = wide ? 4 : 2;
-        auto number = [&](std::size_t at, std::size_t bytes) {
-            int v = 0;
-            for (std::size_t k = 0; k < bytes; ++k) v |= p[at + k] << 8 * k;
-            return v;
-        };
-        if (what == 3 && !(stubborn && number(0, a) == dynamixel::operating_mode))
-            registers_[{id, number(0, a)}] = number(a, p.size() - a);
-        if (wide && what == 2) say(dynamixel_status(id, {std::uint8_t(registers_[{id, number(0, a)}])}));
-        const int register_of_all = what == 0x83 ? p[0] : 0;
-        if (what == 0x83 && (register_of_all == dynamixel::goal_current || register_of_all == feetech::torque_limit))
-            for (std::size_t at = 2 * a; at + 3 <= p.size(); at += 3)
-                registers_[{p[at], register_of_all}] = number(at + 1, 2);
-        else if (what == 0x83)
-            for (std::size_t at = 2 * a; at + 1 + size <= p.size(); at += 1 + size)
-                goals_[p[at]] = number(at + 1, size);
-        if (what == 0x82)
-            for (std::size_t at = 2 * a; at < p.size(); ++at) {
-                const int v = position(p[at]);
-                const auto low = std::uint8_t(v), high = std::uint8_t(v >> 8);
-                say(wide ? dynamixel_status(p[at], {low, high, 0, 0}) : feetech_status(p[at], {low, high}));
-            }
-        return erase(in, whole), true;
-    }
-
-    SerialProtocol protocol_;
-    int master_ = -1, slave_ = -1;
-    std::atomic<bool> stop_{false};
-    std::mutex mutex_;
-    std::map<int, int> goals_;
-    std::map<std::pair<int, int>, int> registers_;
-    std::thread thread_;
-};
-
 class SerialBuses : public ::testing::TestWithParam<SerialProtocol> {};
 INSTANTIATE_TEST_SUITE_P(All, SerialBuses,
                          ::testing::Values(SerialProtocol::maestro_compact, SerialProtocol::dynamixel,
                                            SerialProtocol::feetech));
 
-TEST_P(SerialBuses, TargetsArriveAndPositionsComeBack) {
-    PtyServos servos(GetParam());
+SerialBusSettings settings_for(SerialProtocol protocol, const ServoBusEmulator& bus, std::vector<int> ids) {
     SerialBusSettings settings;
-    settings.protocol = GetParam();
-    settings.port = servos.port;
-    settings.channels = {4, 5, 6, 9};
+    settings.protocol = protocol;
+    settings.port = bus.port;
+    settings.channels = std::move(ids);
+    settings.need_watchdog = protocol == SerialProtocol::dynamixel;
+    return settings;
+}
+
+/// Keeps a board's servos on the move, as a hand does; every servo is told something new each time.
+void sweep(Board& board, const std::vector<int>& ids, int steps, int ms = 10) {
+    for (int k = 0; k < steps && board.state() == BoardState::active; ++k) {
+        for (int c : ids) board.set(c, WireValue(2000 + k % 50));
+        board.wake();
+        std::this_thread::sleep_for(std::chrono::milliseconds(ms));
+    }
+}
+
+void expect_orderly(ServoBusEmulator& bus) {
+    EXPECT_EQ(bus.bad_checksums, 0);
+    EXPECT_EQ(bus.unknown_ids, 0);
+    EXPECT_EQ(bus.collisions, 0);
+}
+
+TEST_P(SerialBuses, TargetsArriveAndPositionsComeBack) {
+    ServoBusEmulator bus(GetParam(), {4, 5, 6, 9});
+    SerialBusSettings settings = settings_for(GetParam(), bus, {4, 5, 6, 9});
     settings.speed_units_per_s = 4000;
-    settings.need_watchdog = GetParam() == SerialProtocol::dynamixel;
+    settings.acceleration_units_per_s2 = 20000;
     Board board(make_serial_bus(settings));
+    if (GetParam() == SerialProtocol::dynamixel) {
+        EXPECT_EQ(bus.get(4, dynamixel::torque_enable), 1);
+        EXPECT_EQ(bus.get(9, dynamixel::bus_watchdog), 10);
+        EXPECT_EQ(bus.get(9, dynamixel::profile_velocity, 4), 43) << "slow at first: a sixth of 4000 ticks/s";
+        EXPECT_EQ(bus.get(9, dynamixel::goal_position, 4), 2000) << "where it was found";
+    }
     for (int c : settings.channels) {
         board.limit(c, {1000, 3000, 1e9});
         board.set(c, WireValue(2000 + c));
@@ -234,53 +150,58 @@ TEST_P(SerialBuses, TargetsArriveAndPositionsComeBack) {
     board.wake();
     board.drain();
     EXPECT_TRUE(eventually([&] {
-        const auto goals = servos.goals();
+        const auto goals = bus.goals();
         for (int c : settings.channels)
             if (!goals.count(c) || goals.at(c) != 2000 + c) return false;
         return true;
     }));
     EXPECT_TRUE(eventually([&] { return board.position(9) == 2009; }));
-    EXPECT_EQ(board.state(), BoardState::ready);
-    if (GetParam() == SerialProtocol::dynamixel) {
-        EXPECT_EQ(servos.registers().at({4, dynamixel::torque_enable}), 1);
-        EXPECT_EQ(servos.registers().at({9, dynamixel::bus_watchdog}), 10);
+    EXPECT_EQ(board.state(), BoardState::active);
+    if (GetParam() != SerialProtocol::maestro_compact) {
+        const bool wide = GetParam() == SerialProtocol::dynamixel;
+        EXPECT_TRUE(eventually([&] {
+            return wide ? bus.get(9, dynamixel::profile_velocity, 4) == 256
+                        : bus.get(9, feetech::goal_speed, 2) == 4000;
+        })) << "and then as it may";
+        expect_orderly(bus);
     }
-    servos.silent = true;
-    EXPECT_TRUE(eventually([&] { return board.state() == BoardState::lost; }));
+    bus.silent = true;
+    EXPECT_TRUE(eventually([&] { return board.state() == BoardState::faulted; }));
+    EXPECT_EQ(board.status().fault, FaultKind::silent);
 }
 
-TEST_P(SerialBuses, TorqueLimitsArriveBeforeTargets) {
+TEST_P(SerialBuses, TorqueLimitsArriveBeforeTargetsAndRiseSlowly) {
     if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos have no torque limit";
-    PtyServos servos(GetParam());
-    SerialBusSettings settings;
-    settings.protocol = GetParam();
-    settings.port = servos.port;
-    settings.channels = settings.force_channels = {4, 5};
-    settings.need_watchdog = false;
+    ServoBusEmulator bus(GetParam(), {4, 5, 6});
+    SerialBusSettings settings = settings_for(GetParam(), bus, {4, 5});
+    settings.force_channels = {4, 5};
     const int where = GetParam() == SerialProtocol::dynamixel ? dynamixel::goal_current : feetech::torque_limit;
     {
         const ServoCalibration servo{2048, 651.9, 1024, 3072, 2827, 800};
         auto board = std::make_shared<Board>(make_serial_bus(settings));
-        const auto driver = make_board_driver(board, {4, 5}, {servo, servo}, 6);
+        const auto driver = make_board_driver(board, {4, 5}, {servo, servo}, {6, 0, 0, {}});
         if (GetParam() == SerialProtocol::dynamixel) {
-            EXPECT_EQ(servos.registers().at({4, dynamixel::operating_mode}), 5);
-            EXPECT_EQ(servos.registers().at({4, where}), 0) << "no force before the first limit";
+            EXPECT_EQ(bus.get(4, dynamixel::operating_mode), 5);
+            EXPECT_EQ(bus.get(4, where, 2), 0) << "no force before the first limit";
         }
         ASSERT_TRUE(driver->limit_torque(Eigen::Vector2d(0.1, 5.0)));
         driver->send(Eigen::Vector2d(0, 0.05), 0);
-        EXPECT_TRUE(eventually([&] { return servos.goals().count(5) == 1; }));
-        EXPECT_EQ(servos.registers().at({4, where}), 283);
-        EXPECT_EQ(servos.registers().at({5, where}), 800);
+        EXPECT_TRUE(eventually([&] { return bus.goals()[5] != 2000; }));
+        const int first = bus.get(5, where, 2);
+        EXPECT_GT(first, 0);
+        EXPECT_LT(first, 800) << "from nothing to everything at once";
+        EXPECT_TRUE(eventually([&] { return bus.get(5, where, 2) == 800; }));
+        EXPECT_EQ(bus.get(4, where, 2), 283);
         ASSERT_TRUE(driver->limit_torque(Eigen::Vector2d(NAN, 0)));
         driver->send(Eigen::Vector2d(0, 0.05), 0.02);
-        EXPECT_TRUE(eventually([&] { return servos.registers().at({4, where}) == 0; }));
+        EXPECT_TRUE(eventually([&] { return bus.get(4, where, 2) == 0; }));
         const ServoCalibration hobby;
-        EXPECT_FALSE(make_board_driver(board, {6}, {hobby}, 6)->limit_torque(Coordinates::Ones(1)));
+        EXPECT_FALSE(make_board_driver(board, {6}, {hobby}, {})->limit_torque(Coordinates::Ones(1)));
     }
     if (GetParam() != SerialProtocol::dynamixel) return;
-    EXPECT_TRUE(eventually([&] { return servos.registers().at({4, dynamixel::operating_mode}) == 3; }));
-    EXPECT_EQ(servos.registers().at({4, dynamixel::torque_enable}), 0);
-    servos.stubborn = true;
+    EXPECT_TRUE(eventually([&] { return bus.get(4, dynamixel::operating_mode) == 3; }));
+    EXPECT_EQ(bus.get(4, dynamixel::torque_enable), 0);
+    bus.stubborn = true;
     try {
         Board board(make_serial_bus(settings));
         FAIL() << "a servo without the mode was taken";
@@ -290,12 +211,9 @@ TEST_P(SerialBuses, TorqueLimitsArriveBeforeTargets) {
 }
 
 TEST_P(SerialBuses, SilenceAtTheStartIsAProblem) {
-    PtyServos servos(GetParam());
-    servos.silent = true;
-    SerialBusSettings settings;
-    settings.protocol = GetParam();
-    settings.port = servos.port;
-    settings.channels = {1};
+    ServoBusEmulator bus(GetParam(), {1});
+    bus.silent = true;
+    SerialBusSettings settings = settings_for(GetParam(), bus, {1});
     settings.need_watchdog = false;
     EXPECT_THROW(Board board(make_serial_bus(settings)), std::runtime_error);
     settings.port = "/dev/null";
@@ -304,15 +222,155 @@ TEST_P(SerialBuses, SilenceAtTheStartIsAProblem) {
     EXPECT_THROW(Board board(make_serial_bus(settings)), std::runtime_error);
 }
 
+TEST_P(SerialBuses, OnePortHasOneDriver) {
+    ServoBusEmulator bus(GetParam(), {1});
+    const SerialBusSettings settings = settings_for(GetParam(), bus, {1});
+    {
+        Board first(make_serial_bus(settings));
+        try {
+            Board second(make_serial_bus(settings));
+            FAIL() << "two of them on one port";
+        } catch (const std::runtime_error& error) {
+            EXPECT_NE(std::string(error.what()).find("is in use"), std::string::npos) << error.what();
+        }
+    }
+    EXPECT_NO_THROW(Board again(make_serial_bus(settings)));
+}
+
+TEST_P(SerialBuses, ADeadServoLatchesWhileTheHandMovesOn) {
+    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+    ServoBusEmulator bus(GetParam(), {4, 5, 6});
+    Board board(make_serial_bus(settings_for(GetParam(), bus, {4, 5, 6})));
+    for (int c : {4, 5, 6}) board.limit(c, {1000, 3000, 1e4});
+    sweep(board, {4, 5, 6}, 20);
+    ASSERT_EQ(board.state(), BoardState::active) << board.status().problem;
+    bus.dead = 5;  // writes to all go well on
+    sweep(board, {4, 5, 6}, 500);
+    EXPECT_EQ(board.state(), BoardState::faulted);
+    const BoardStatus status = board.status();
+    EXPECT_EQ(status.fault, FaultKind::silent);
+    EXPECT_NE(status.problem.find("servo 5"), std::string::npos) << status.problem;
+    EXPECT_GE(status.read_failures[5], 2);
+    EXPECT_EQ(status.read_failures[4], 0);
+    EXPECT_EQ(status.write_failures[5], 0);
+    EXPECT_EQ(bus.get(4, GetParam() == SerialProtocol::dynamixel ? dynamixel::torque_enable : feetech::torque_enable),
+              0)
+        << "a fault lets go";
+    const int goals = bus.goals_seen;
+    sweep(board, {4, 5, 6}, 10);
+    EXPECT_EQ(bus.goals_seen, goals) << "nothing is sent after it";
+}
+
+TEST_P(SerialBuses, WhatServosReportIsTypedAndLatches) {
+    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+    struct Case {
+        int error, hardware;
+        FaultKind kind;
+    };
+    const bool wide = GetParam() == SerialProtocol::dynamixel;
+    for (const Case& c : wide ? std::vector<Case>{{0x80, 0x04, FaultKind::overheated},
+                                                  {0x80, 0x20, FaultKind::overloaded},
+                                                  {0x80, 0x01, FaultKind::electrical},
+                                                  {0x07, 0, FaultKind::refused}}
+                              : std::vector<Case>{{0x04, 0, FaultKind::overheated},
+                                                  {0x20, 0, FaultKind::overloaded},
+                                                  {0x01, 0, FaultKind::electrical}}) {
+        ServoBusEmulator bus(GetParam(), {4, 5});
+        Board board(make_serial_bus(settings_for(GetParam(), bus, {4, 5})));
+        for (int id : {4, 5}) board.limit(id, {1000, 3000, 1e4});
+        bus.error = c.error, bus.hardware = c.hardware;
+        bus.error_of = 5;
+        sweep(board, {4, 5}, 500);
+        EXPECT_EQ(board.state(), BoardState::faulted) << c.error;
+        EXPECT_EQ(name(board.status().fault), std::string(name(c.kind))) << board.status().problem;
+        EXPECT_NE(board.status().problem.find("servo 5"), std::string::npos) << board.status().problem;
+    }
+}
+
+TEST_P(SerialBuses, OneServoThatAnswersForAnotherLatches) {
+    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+    for (int as : {4, 77}) {
+        ServoBusEmulator bus(GetParam(), {4, 5});
+        Board board(make_serial_bus(settings_for(GetParam(), bus, {4, 5})));
+        for (int id : {4, 5}) board.limit(id, {1000, 3000, 1e4});
+        bus.answers_as = as;
+        bus.impostor = 5;
+        sweep(board, {4, 5}, 500);
+        EXPECT_EQ(board.state(), BoardState::faulted);
+        EXPECT_EQ(name(board.status().fault), std::string("wrong servo")) << board.status().problem;
+    }
+}
+
+TEST_P(SerialBuses, AServoThatDoesNotFollowLatches) {
+    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+    ServoBusEmulator bus(GetParam(), {4, 5});
+    auto board = std::make_shared<Board>(make_serial_bus(settings_for(GetParam(), bus, {4, 5})));
+    const ServoCalibration servo{2048, 651.9, 1024, 3072};
+    const auto driver = make_board_driver(board, {4, 5}, {servo, servo}, {6, 200, 0.15, {}});
+    const double at = (2000 - 2048) / 651.9;
+    for (int k = 0; k < 60; ++k) {  // to and fro within a quarter radian, as fast as it may
+        const double q = at + 0.25 * std::sin(0.2 * k);
+        driver->send(Eigen::Vector2d(q, q), 0);
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    ASSERT_EQ(board->state(), BoardState::active) << board->status().problem;
+    bus.stuck = 5;
+    for (int k = 0; k < 200 && board->state() == BoardState::active; ++k) {
+        driver->send(Eigen::Vector2d(at + 0.3, at + 0.3), 0);
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    EXPECT_EQ(name(board->status().fault), std::string("blocked")) << board->status().problem;
+    EXPECT_NE(board->status().problem.find("servo 5"), std::string::npos) << board->status().problem;
+}
+
+TEST(SerialBuses, AWatchdogThatHasBittenLatches) {
+    const auto protocol = SerialProtocol::dynamixel;
+    ServoBusEmulator bus(protocol, {4, 5});
+    Board board(make_serial_bus(settings_for(protocol, bus, {4, 5})));
+    for (int id : {4, 5}) board.limit(id, {1000, 3000, 1e4});
+    sweep(board, {4, 5}, 10);
+    ASSERT_EQ(board.state(), BoardState::active);
+    bus.bite_now = true;  // as where this program was stopped for a while
+    sweep(board, {4, 5}, 300);
+    EXPECT_EQ(name(board.status().fault), std::string("watchdog")) << board.status().problem;
+    ASSERT_TRUE(eventually([&] { return board.state() == BoardState::inactive; }));
+    EXPECT_EQ(bus.get(4, dynamixel::torque_enable), 0) << "found again, and not armed";
+    EXPECT_TRUE(eventually([&] { return board.rearm(); }));
+    EXPECT_EQ(bus.get(4, dynamixel::torque_enable), 1);
+    EXPECT_EQ(bus.get(4, dynamixel::bus_watchdog), 10);
+}
+
+TEST(SerialBuses, SettingsThatSafetyRestsOnAreReadBack) {
+    ServoBusEmulator bus(SerialProtocol::dynamixel, {4});
+    bus.forgets_watchdog = true;
+    try {
+        Board board(make_serial_bus(settings_for(SerialProtocol::dynamixel, bus, {4})));
+        FAIL() << "a watchdog that is not set was taken for one that is";
+    } catch (const std::runtime_error& error) {
+        EXPECT_NE(std::string(error.what()).find("does not keep its watchdog"), std::string::npos) << error.what();
+    }
+}
+
 TEST(SerialBuses, WithoutAWatchdogTheyAreRefused) {
-    PtyServos servos(SerialProtocol::feetech);
-    SerialBusSettings settings;
-    settings.protocol = SerialProtocol::feetech;
-    settings.port = servos.port;
-    settings.channels = {1};
+    ServoBusEmulator bus(SerialProtocol::feetech, {1});
+    SerialBusSettings settings = settings_for(SerialProtocol::feetech, bus, {1});
+    settings.need_watchdog = true;
     EXPECT_THROW(Board board(make_serial_bus(settings)), std::runtime_error);
     settings.need_watchdog = false;
     EXPECT_NO_THROW(Board board(make_serial_bus(settings)));
+}
+
+TEST(SerialProtocols, ADyingProgramSaysTheSame) {
+    const std::vector<ChannelTarget> targets{{0, 1500}, {7, 2048}, {31, 3071}};
+    std::array<std::uint8_t, 512> out;
+    auto encoded = [&](SerialProtocol protocol) {
+        return Bytes(out.begin(), out.begin() + std::ptrdiff_t(encode_targets(protocol, targets, out)));
+    };
+    EXPECT_EQ(encoded(SerialProtocol::dynamixel), dynamixel::write_targets(targets));
+    EXPECT_EQ(encoded(SerialProtocol::feetech), feetech::write_targets(targets));
+    EXPECT_EQ(encoded(SerialProtocol::maestro_compact), compact::set_targets(targets, false));
+    std::array<std::uint8_t, 8> small;
+    EXPECT_EQ(encode_targets(SerialProtocol::dynamixel, targets, small), 0u);
 }
 
 }  // namespace

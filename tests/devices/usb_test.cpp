@@ -1,5 +1,7 @@
 // The unmodified program and emulated Maestro boards on USB.
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -23,15 +25,20 @@ class Usb : public ::testing::Test {
 #endif
     }
 #ifndef PALPATE_MAESTRO_EMULATOR
-    const std::string emulator;
+    const std::string emulator, probe;
 #else
-    const std::string emulator = PALPATE_MAESTRO_EMULATOR;
+    const std::string emulator = PALPATE_MAESTRO_EMULATOR, probe = PALPATE_BOARD_PROBE;
 #endif
-    const std::string program = PALPATE_PROGRAM;
+    const std::string program = testing::program_path();
     testing::ScratchFolder scratch;
 
+    static constexpr const char* calibrated = "serial = \"00123456\", calibration = \"cal.toml\"";
+
     /// `fingers` fingers that press on a table, three channels each.
-    std::string scene(int fingers, double seconds, const std::string& device = "serial = \"00123456\"") {
+    std::string scene(int fingers, double seconds, const std::string& device = calibrated) {
+        std::ofstream calibration(scratch.path / "cal.toml");
+        for (int k = 0; k < 3; ++k)
+            calibration << "[[servo]]\nzero_us = 1500\nus_per_rad = 636.62\nmin_us = 992\nmax_us = 2000\n";
         const auto path = scratch.path / "scene.toml";
         std::ofstream out(path);
         out << "duration_s = " << seconds << "\ndt_ms = 2\n[solver]\npreset = \"real-time\"\nprecision = \"float\"\n"
@@ -46,31 +53,48 @@ class Usb : public ::testing::Test {
     std::string run_command(const std::string& file) const {
         return program + " run " + file + " --arm --out " + (scratch.path / "results").string();
     }
-    /// A run that umockdev's own preloaded library ended (it aborts where a board is unplugged between a request and
-    /// its answer) says nothing of the program, and is repeated.
+    /// A run that umockdev itself ended (it aborts where a board is unplugged between a request and its answer, or as
+    /// the program ends) says nothing of the program, and is repeated.
     Outcome emulate(const std::string& options, const std::string& command) const {
         Outcome o;
         for (int attempt = 0; attempt < 3; ++attempt) {
             o = shell(emulator + " " + options + " -- " + command);
-            if (o.code == 0 || o.code == 2 || o.out.find("ERROR: libumockdev-preload:") == std::string::npos) break;
+            const bool mocked = o.out.find("ERROR: libumockdev-preload:") != std::string::npos ||
+                                o.out.find("uevent_sender sendmsg") != std::string::npos;
+            if (o.code == 0 || o.code == 2 || !mocked) break;
         }
         return o;
     }
+    /// Channels below zero are events: -1 the watchdog has bitten, -2 unplugged, -3 plugged in.
     struct Target {
         double time;
         int board, channel, value;
     };
-    std::vector<Target> log() const {
+    std::vector<Target> events() const {
         std::ifstream in(scratch.path / "log");
         std::vector<Target> out;
         for (Target t; in >> t.time >> t.board >> t.channel >> t.value;) out.push_back(t);
         return out;
     }
+    std::vector<Target> log() const {
+        std::vector<Target> out;
+        for (const Target& t : events())
+            if (t.channel >= 0) out.push_back(t);
+        return out;
+    }
     std::string logged() const { return " --log " + (scratch.path / "log").string(); }
+    bool happened(int event) const {
+        const auto all = events();
+        return std::any_of(all.begin(), all.end(), [&](const Target& t) { return t.channel == event; });
+    }
     /// What reached servos, whatever happened: in range, and never faster than the limit.
     static void expect_safe(const std::vector<Target>& targets) {
         std::map<int, Target> last;
         for (const Target& t : targets) {
+            if (t.channel < 0) {
+                if (t.channel != -3) last.clear();  // servos may be elsewhere
+                continue;
+            }
             ASSERT_GE(t.value, 4 * 992);
             ASSERT_LE(t.value, 4 * 2000);
             const auto before = last.find(t.channel);
@@ -82,6 +106,32 @@ class Usb : public ::testing::Test {
             }
             last[t.channel] = t;
         }
+    }
+    /// Nobody has re-armed: nothing is told to a board that was unplugged, or whose watchdog has bitten `grace` ago.
+    static void expect_latched(const std::vector<Target>& all, double grace) {
+        double faulted = HUGE_VAL;
+        for (const Target& t : all) {
+            if (t.channel == -2) faulted = std::min(faulted, t.time);
+            if (t.channel == -1) faulted = std::min(faulted, t.time + grace);
+            ASSERT_TRUE(t.channel < 0 || t.time <= faulted)
+                << "told at " << t.time << ", after the fault at " << faulted;
+        }
+    }
+    /// What the program says of the rest pose is what the boards saw.
+    void expect_true_words(const Outcome& o, int channels) const {
+        const bool claims = o.out.find("thimbles are in their rest pose") != std::string::npos;
+        if (claims) {
+            expect_at_rest(log(), channels);
+            EXPECT_FALSE(happened(-2)) << "a board that was unplugged cannot be known to be at rest\n" << o.out;
+        } else if (o.code != 2) {
+            EXPECT_SAYS(o, "is not known to be in its rest pose");
+        }
+    }
+    /// The program in the background of a shell, and what is done to it once servos move.
+    std::string meanwhile(const std::string& command, const std::string& what) const {
+        const std::string file = (scratch.path / "log").string();
+        return "sh -c '" + command + " & p=$!; n=0; while [ $(wc -l < " + file +
+               ") -lt 20 ] && [ $n -lt 1200 ]; do sleep 0.05; n=$((n+1)); done; sleep 0.3; " + what + "; wait $p'";
     }
     static WireValue rest_pulse(int joint) {
         const DeviceModel m = find_kind("chinello-3rrs")->defaults();
@@ -139,14 +189,14 @@ TEST_F(Usb, NothingMovesWithoutArming) {
 TEST_F(Usb, WhatCannotBeArmedIsRefused) {
     Outcome o = emulate("--watchdog 0" + logged(), run_command(scene(1, 0.2)));
     EXPECT_EQ(o.code, 2);
-    EXPECT_SAYS(o, "watchdog off");
+    EXPECT_SAYS(o, "watchdog is off");
     EXPECT_TRUE(log().empty());
     o = emulate("--watchdog 0" + logged(), run_command(scene(1, 0.2)) + " --no-watchdog");
     EXPECT_EQ(o.code, 0) << o.out;
-    o = emulate("--boards 2", run_command(scene(1, 0.2, "serial = \"\"")));
+    o = emulate("--boards 2", run_command(scene(1, 0.2, "calibration = \"cal.toml\"")));
     EXPECT_EQ(o.code, 2);
     EXPECT_SAYS(o, "several Maestros");
-    o = emulate("", run_command(scene(1, 0.2, "serial = \"77\"")));
+    o = emulate("", run_command(scene(1, 0.2, "serial = \"77\", calibration = \"cal.toml\"")));
     EXPECT_EQ(o.code, 2);
     EXPECT_SAYS(o, "was not found; on USB: 00123456");
     o = emulate("--channels 6", run_command(scene(3, 0.2)));
@@ -154,6 +204,119 @@ TEST_F(Usb, WhatCannotBeArmedIsRefused) {
     EXPECT_SAYS(o, "is not one of the 6");
     o = emulate("--channels 0", run_command(scene(1, 0.2)));
     EXPECT_EQ(o.code, 2);
+}
+
+TEST_F(Usb, SettingsThatSafetyRestsOnAreReadBack) {
+    struct Case {
+        const char *options, *says;
+    };
+    for (const Case& c : {Case{"--watchdog 655350", "waits 655350 ms"}, Case{"--home 1", "\"ignore\""}}) {
+        Outcome o = emulate(c.options + logged(), run_command(scene(1, 0.2)));
+        EXPECT_EQ(o.code, 2) << o.out;
+        EXPECT_SAYS(o, c.says);
+        EXPECT_TRUE(log().empty());
+        o = emulate(c.options, program + " doctor " + scene(1, 0.2));
+        EXPECT_EQ(o.code, 1) << o.out;
+        EXPECT_SAYS(o, c.says);
+        o = emulate(c.options + logged(), "sh -c '" + program + " doctor " + scene(1, 0.2) + " --mend && " +
+                                              run_command(scene(1, 0.2)) + "'");
+        EXPECT_EQ(o.code, 0) << o.out;
+        EXPECT_SAYS(o, "mended");
+    }
+}
+
+TEST_F(Usb, WithoutACalibrationNothingIsArmed) {
+    Outcome o = emulate(logged(), run_command(scene(1, 0.2, "serial = \"00123456\"")));
+    EXPECT_EQ(o.code, 2) << o.out;
+    EXPECT_SAYS(o, "finger.f0.device.calibration");
+    EXPECT_TRUE(log().empty());
+    o = emulate("", program + " doctor " + scene(1, 0.2, "serial = \"00123456\""));
+    EXPECT_SAYS(o, "calibrate-thimble");
+}
+
+TEST_F(Usb, OneBoardHasOneDriver) {
+    const std::string command = run_command(scene(1, 20));
+    const Outcome o = emulate(logged(), meanwhile(command, command + "; echo second: $?; kill -TERM $p"));
+    EXPECT_SAYS(o, "is in use");
+    EXPECT_SAYS(o, "second: 2");
+    EXPECT_SAYS(o, "thimbles are in their rest pose");
+    expect_safe(log());
+}
+
+TEST_F(Usb, AWatchdogThatHasBittenLatches) {
+    const Outcome o = emulate("--bites 1" + logged(),
+                              meanwhile(run_command(scene(2, 2.5)), "kill -STOP $p; sleep 0.6; kill -CONT $p"));
+    ASSERT_TRUE(happened(-1)) << o.out;
+    expect_safe(events());
+    expect_latched(events(), 0);
+    EXPECT_SAYS(o, "watchdog has bitten");
+    EXPECT_SAYS(o, " 2 faults");
+    expect_true_words(o, 6);
+}
+
+TEST_F(Usb, AReplugNeedsAPersonAndThenGoesOn) {
+    const std::string keys =
+        "(sleep 2; printf +; for n in 1 2 3 4 5 6 7 8; do sleep 0.5; printf r; done; printf '+++'; sleep 0.5; printf "
+        "q)";
+    const Outcome o = shell(keys + " | " + emulator + " --fault unplug@60 --replug-ms 100" + logged() + " -- " +
+                            program + " jog " + scene(1, 1));
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_SAYS(o, "active to faulted: unplugged");
+    EXPECT_SAYS(o, "inactive to active: armed");
+    const auto all = events();
+    expect_safe(all);
+    ASSERT_TRUE(happened(-3)) << o.out;
+    double back = 0, first = HUGE_VAL;
+    for (const Target& t : all) {
+        if (t.channel == -2) back = t.time;
+        if (t.channel >= 0 && back > 0) first = std::min(first, t.time);
+    }
+    EXPECT_LT(first, HUGE_VAL) << "nothing was told after it was re-armed";
+    EXPECT_GT(first, back + 0.1);
+}
+
+TEST_F(Usb, WhateverSignalEndsItServosGoToRest) {
+    for (const std::string signal : {"HUP", "QUIT", "ABRT", "SEGV", "FPE", "USR1"}) {
+        const Outcome o = emulate(logged(), meanwhile(run_command(scene(2, 20)), "kill -" + signal + " $p"));
+        ASSERT_FALSE(log().empty()) << signal << o.out;
+        expect_safe(log());
+        expect_at_rest(log(), 6);
+        if (HasFailure()) FAIL() << signal << o.out;
+    }
+    // Nobody reads what it says any more.
+    emulate(logged(), "sh -c '" + run_command(scene(2, 1)) + " | true'");
+    expect_at_rest(log(), 6);
+}
+
+TEST_F(Usb, AFolderThatIsNotThereIsMade) {
+    const auto folder = scratch.path / "not" / "there";
+    std::string file = scene(1, 0.2);
+    std::stringstream text;
+    text << std::ifstream(file).rdbuf();
+    std::string dry = text.str();
+    dry.replace(dry.find("\"maestro\""), 9, "\"maestro-dry\"");
+    std::ofstream(file) << dry;
+    const Outcome o = shell(program + " run " + file + " --arm --out " + folder.string());
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_TRUE(std::filesystem::exists(folder / "maestro_00123456.csv"));
+}
+
+TEST_F(Usb, AgesOfCommandsAreToldAtTheWire) {
+    const Outcome o = emulate("", run_command(scene(1, 1)));
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_SAYS(o, "f0: age of ");
+    std::ifstream in(scratch.path / "results" / "f0.csv");
+    std::string header, row, last;
+    std::getline(in, header);
+    EXPECT_TRUE(header.ends_with(",command_age_ms")) << header;
+    while (std::getline(in, row)) last = row;
+    EXPECT_GT(std::stod(last.substr(last.rfind(',') + 1)), 0) << last;
+    std::ifstream summary(scratch.path / "results" / "summary.json");
+    const auto json = nlohmann::json::parse(summary);
+    const auto& age = json["fingers"][0]["command_age_ms"];
+    EXPECT_GT(age["commands"].get<int>(), 5);
+    EXPECT_LE(age["median"].get<double>(), age["p99"].get<double>());
+    EXPECT_LE(age["p99"].get<double>(), age["worst"].get<double>());
 }
 
 TEST_F(Usb, FiveFingersOnOneBoardMoveSafelyAndEndAtRest) {
@@ -176,7 +339,7 @@ TEST_F(Usb, HomeBringsTheRestPose) {
 
 TEST_F(Usb, JogMovesWithinTheWorkspace) {
     // Ten degrees of theta are too many at once for the slew limit, and the keys come as fast as they are read.
-    const std::string keys = "(sleep 0.3; printf '1+++++'; sleep 0.4; printf 'hq')";
+    const std::string keys = "(sleep 2; printf '1+++++'; sleep 2; printf 'hq')";
     const Outcome o = shell(keys + " | " + emulator + logged() + " -- " + program + " jog " + scene(1, 1));
     EXPECT_EQ(o.code, 0) << o.out;
     const auto targets = log();
@@ -221,6 +384,14 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
             EXPECT_SAYS(o, "last problem");
         }
     }
+    for (const std::string fault : {"sticky@150", "deaf@150", "bite@150"}) {
+        const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.5)));
+        EXPECT_EQ(o.code, 0) << fault << o.out;
+        expect_safe(log());
+        EXPECT_SAYS(o, " 5 faults");
+        EXPECT_SAYS(o, "is not known to be in its rest pose");
+        EXPECT_TRUE(std::filesystem::exists(scratch.path / "results" / "audit_maestro_00123456_1.csv"));
+    }
     // One transfer that times out, and a reply too short or too long, are tried again.
     for (const std::string kind : {"timeout", "partial", "short", "long", "errors"}) {
         const Outcome o = emulate("--fault " + kind + "@150" + logged(), run_command(scene(5, 1)));
@@ -238,9 +409,33 @@ TEST_F(Usb, AnySequenceOfFaultsStaysSafe) {
         const Outcome o =
             emulate("--random-faults " + std::to_string(seed) + " --replug-ms 100" + logged(), run_command(file));
         EXPECT_TRUE(o.code == 0 || o.code == 2) << "seed " << seed << ": " << o.code << "\n" << o.out;
-        expect_safe(log());
-        if (HasFatalFailure()) FAIL() << "seed " << seed;
+        expect_safe(events());
+        expect_latched(events(), 1);
+        expect_true_words(o, 15);
+        if (HasFailure()) FAIL() << "seed " << seed << "\n" << o.out;
     }
+}
+
+TEST_F(Usb, AnySequenceOfFaultsStaysSafeWhereAPersonReArmsAtOnce) {
+    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 40;
+    for (int seed = 1; seed <= runs; ++seed) {
+        const Outcome o = emulate("--random-faults " + std::to_string(seed) + " --replug-ms 60" + logged(),
+                                  probe + " --seconds 0.9 --rearm 1");
+        EXPECT_LE(o.code, 2) << "seed " << seed << "\n" << o.out;
+        expect_safe(events());
+        if (o.out.find("thimbles are in their rest pose") != std::string::npos) expect_at_rest(log(), 15);
+        if (HasFailure()) FAIL() << "seed " << seed << "\n" << o.out;
+    }
+}
+
+TEST_F(Usb, UnpluggingLeavesNoMemoryBehindThatIsUsed) {
+    if (shell("command -v valgrind").code != 0) GTEST_SKIP() << "valgrind is not installed";
+    const Outcome o =
+        emulate("--fault unplug@150 --replug-ms 100",
+                "valgrind -q --undef-value-errors=no --error-exitcode=99 " + probe + " --seconds 3 --rearm 1");
+    EXPECT_LE(o.code, 2) << o.out;
+    EXPECT_SAYS(o, "active to faulted: unplugged");
+    EXPECT_EQ(o.out.find("Invalid"), std::string::npos) << o.out;
 }
 
 TEST_F(Usb, HoweverItEndsServosStayInRange) {

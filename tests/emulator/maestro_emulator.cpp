@@ -1,11 +1,14 @@
 // Emulates Pololu Maestro boards on USB for the unmodified program: runs a command that sees them, and writes down what
 // they were told. usbfs by umockdev; what the boards do with it is here.
 //
-//   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--log FILE] [--fault KIND@TRANSFER]...
-//                    [--random-faults SEED] [--replug-ms MS] -- COMMAND...
+//   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--bites 1] [--home N] [--log FILE]
+//                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] -- COMMAND...
 //
-// KIND: stall, timeout, partial (timeout with half the data), short, long, errors, hang (never given back), unplug.
-// The log has one line per target: seconds, board, channel, quarter microseconds. Exits as the command does.
+// KIND: stall, timeout, partial (timeout with half the data), short, long, errors (once), sticky (an error from then
+// on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), hang (never given back), unplug.
+// With --bites 1 the watchdog bites by itself, where the board hears nothing. Boards come and go with udev's events.
+// The log has one line per target: seconds, board, channel, quarter microseconds; and one per event, its channel -1
+// (watchdog), -2 (unplugged), -3 (plugged in). Exits as the command does.
 
 #include <linux/ioctl.h>
 
@@ -19,6 +22,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <deque>
 #include <map>
 #include <mutex>
@@ -34,7 +38,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300;
+    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0;
+    bool bites = false;
     std::string log;
     std::map<long, std::string> faults;  ///< by number of the transfer
     std::vector<char*> command;
@@ -61,6 +66,8 @@ struct Board {
     std::map<int, int> parameters;
     std::uint16_t errors = 0;
     bool present = true, listed = false;  ///< on the bus; known to the system
+    bool sticky = false, deaf = false, fed = false;
+    Clock::time_point last_fed;
     Clock::time_point gone;
     std::deque<Urb> finished, waiting;
     UMockdevIoctlBase* handler = nullptr;
@@ -132,20 +139,33 @@ std::vector<std::uint8_t> settings_reply(const Board& b) {
     return out;
 }
 
+void log(Board& b, int channel, int value) {
+    if (!b.bus->log) return;
+    std::fprintf(b.bus->log, "%.6f %d %d %d\n", std::chrono::duration<double>(Clock::now() - b.bus->start).count(),
+                 b.number, channel, value);
+    std::fflush(b.bus->log);
+}
+
+/// Servos go home: off, or to a place, or nowhere.
+void bite(Board& b) {
+    b.errors |= palpate::maestro::serial_timeout;
+    b.fed = false;
+    for (int c = 0; c < b.channels; ++c)
+        if (const int home = b.parameters[palpate::maestro::home_parameter(c)]; home != palpate::maestro::home_ignore)
+            b.servos[std::size_t(c)].position = b.servos[std::size_t(c)].target = std::uint16_t(home);
+    log(b, -1, 0);
+}
+
 /// The board's answer to a request; false: it stalls.
 bool answer(Board& b, int type, int request, int value, int index, std::vector<std::uint8_t>& reply) {
     if (type == 0x80 && request == 6 && value >> 8 == 3) return reply = string_descriptor(b, value & 0xff), true;
     if (b.channels == 0) return false;  // its bootloader
     if (type == 0x40) {
+        if (request == 0x85 || request == 0x86) b.fed = true, b.last_fed = Clock::now();
         if (request == 0x85) {
-            if (index >= b.channels) return false;
+            if (index >= b.channels || (b.deaf && index == 1)) return false;
             b.servos[std::size_t(index)].target = b.servos[std::size_t(index)].position = std::uint16_t(value);
-            if (b.bus->log)
-                std::fprintf(b.bus->log, "%.6f %d %d %d\n",
-                             std::chrono::duration<double>(Clock::now() - b.bus->start).count(), b.number, index,
-                             value),
-                    std::fflush(b.bus->log);
-            return true;
+            return log(b, index, value), true;
         }
         if (request == 0x84) {
             if ((index & 0x7f) >= b.channels) return false;
@@ -159,13 +179,14 @@ bool answer(Board& b, int type, int request, int value, int index, std::vector<s
     }
     if (type != 0xC0) return false;
     if (request == 0x81) {
-        const int v = b.parameters.count(index) ? b.parameters[index] : 0;
+        const int v = b.parameters[index];
         reply = {std::uint8_t(v), std::uint8_t(v >> 8)};
         return true;
     }
     if (request == 0x87) return b.channels > 6 ? (reply = settings_reply(b), true) : false;
     if (request != 0x83) return false;
     reply.assign(b.channels == 6 ? 98 : 8, 0);
+    if (b.sticky) b.errors |= 1 << 4;
     reply[2] = std::uint8_t(b.errors), reply[3] = std::uint8_t(b.errors >> 8);
     reply[b.channels == 6 ? 96 : 6] = 1;
     if (b.channels == 6)
@@ -182,6 +203,7 @@ void finish(Board& b, Urb urb, int status, int length) {
 void unplug(Board& b) {
     b.present = false;
     b.gone = Clock::now();
+    log(b, -2, 0);
     for (Urb& u : b.waiting) finish(b, u, -ENODEV, 0);
     b.waiting.clear();
 }
@@ -205,6 +227,9 @@ int submit(Board& b, Urb urb) {
         return 0;
     }
     if (kind == "errors") b.errors |= 1 << 4;
+    if (kind == "sticky") b.sticky = true;
+    if (kind == "deaf") b.deaf = true;
+    if (kind == "bite") bite(b);
     std::vector<std::uint8_t> reply;
     if (!answer(b, type, request, value, index, reply)) return finish(b, urb, -EPIPE, 0), 0;
     if (kind == "long") return finish(b, urb, -EOVERFLOW, wanted), 0;
@@ -236,6 +261,13 @@ gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) 
                                                nullptr);
         const int error = submit(b, u);
         complete(error ? -1 : 0, error);
+    } else if (request == USBDEVFS_CONTROL) {
+        if (!b.present) return complete(-1, ENODEV), TRUE;
+        UMockdevIoctlData* data = umockdev_ioctl_data_resolve(arg, 0, sizeof(usbdevfs_ctrltransfer), nullptr);
+        const auto* t = reinterpret_cast<const usbdevfs_ctrltransfer*>(data->data);
+        std::vector<std::uint8_t> reply;
+        const bool good = t->wLength == 0 && answer(b, t->bRequestType, t->bRequest, t->wValue, t->wIndex, reply);
+        complete(good ? 0 : -1, good ? 0 : EPIPE);
     } else if (request == USBDEVFS_REAPURBNDELAY || request == USBDEVFS_REAPURB) {
         if (b.finished.empty()) return complete(-1, b.present ? EAGAIN : ENODEV), TRUE;
         Urb u = b.finished.front();
@@ -273,11 +305,23 @@ bool plug_in(Bus& bus, Board& b) {
     }
     b.present = b.listed = true;
     b.finished.clear();
+    b.fed = false;
+    umockdev_testbed_uevent(bus.testbed, b.path.c_str(), "add");
+    log(b, -3, 0);
     return true;
 }
 
+/// udev tells that it is gone; then it is.
+void pull_out(Bus& bus, Board& b) {
+    umockdev_testbed_uevent(bus.testbed, b.path.c_str(), "remove");
+    umockdev_testbed_detach_ioctl(bus.testbed, b.node.c_str(), nullptr);
+    umockdev_testbed_remove_device(bus.testbed, b.path.c_str());
+    b.listed = false;
+}
+
 bool parse(int argc, char** argv, Options& o) {
-    static const char* kinds[] = {"stall", "timeout", "partial", "short", "long", "errors", "unplug", "hang"};
+    static const char* kinds[] = {"stall",  "timeout", "partial", "short",  "long", "errors",
+                                  "unplug", "bite",    "deaf",    "sticky", "hang"};
     for (int i = 1; i < argc; ++i) {
         const std::string arg = argv[i];
         if (arg == "--") {
@@ -293,6 +337,10 @@ bool parse(int argc, char** argv, Options& o) {
             o.channels = std::atoi(value.c_str());
         else if (arg == "--watchdog")
             o.watchdog_ms = std::atoi(value.c_str());
+        else if (arg == "--home")
+            o.home = std::atoi(value.c_str());
+        else if (arg == "--bites")
+            o.bites = value != "0";
         else if (arg == "--replug-ms")
             o.replug_ms = std::atoi(value.c_str());
         else if (arg == "--log")
@@ -301,7 +349,7 @@ bool parse(int argc, char** argv, Options& o) {
             o.faults[std::atol(value.substr(value.find('@') + 1).c_str())] = value.substr(0, value.find('@'));
         else if (arg == "--random-faults") {
             std::mt19937 random(unsigned(std::atol(value.c_str())));
-            for (int k = 0; k < 12; ++k) o.faults[long(random() % 900)] = kinds[random() % 7];
+            for (int k = 0; k < 12; ++k) o.faults[long(random() % 900)] = kinds[random() % 10];
         } else
             return false;
     }
@@ -318,6 +366,11 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "usage: see the head of maestro_emulator.cpp\n");
         return 2;
     }
+    // udev's events can be sent from inside the mocked system only.
+    if (const char* preloaded = std::getenv("LD_PRELOAD"); !preloaded || !std::strstr(preloaded, "umockdev")) {
+        setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
+        execv("/proc/self/exe", argv);
+    }
     if (!bus.options.log.empty()) bus.log = std::fopen(bus.options.log.c_str(), "w");
     bus.testbed = umockdev_testbed_new();
     bus.boards.resize(std::size_t(bus.options.boards));
@@ -329,6 +382,7 @@ int main(int argc, char** argv) {
         b.servos.resize(std::size_t(b.channels));
         b.parameters[palpate::maestro::serial_timeout_parameter] = bus.options.watchdog_ms / 10;
         for (int c = 0; c < b.channels; ++c) {
+            b.parameters[palpate::maestro::home_parameter(c)] = bus.options.home;
             b.parameters[palpate::maestro::min_parameter(c)] = 62;   // 992 us
             b.parameters[palpate::maestro::max_parameter(c)] = 125;  // 2000 us
         }
@@ -343,7 +397,6 @@ int main(int argc, char** argv) {
     }
     const pid_t child = fork();
     if (child == 0) {
-        setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
         execvp(bus.options.command[0], bus.options.command.data());
         std::fprintf(stderr, "maestro-emulator: cannot run %s\n", bus.options.command[0]);
         _exit(127);
@@ -354,14 +407,15 @@ int main(int argc, char** argv) {
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
         for (Board& b : bus.boards) {
             std::unique_lock lock(bus.mutex);
+            const bool starved =
+                b.fed && Clock::now() - b.last_fed > std::chrono::milliseconds(bus.options.watchdog_ms);
+            if (b.present && bus.options.bites && bus.options.watchdog_ms > 0 && starved) bite(b);
             if (b.present) continue;
             const bool back =
                 bus.options.replug_ms > 0 && Clock::now() - b.gone > std::chrono::milliseconds(bus.options.replug_ms);
             lock.unlock();
             if (b.listed) {
-                umockdev_testbed_detach_ioctl(bus.testbed, b.node.c_str(), nullptr);
-                umockdev_testbed_remove_device(bus.testbed, b.path.c_str());
-                b.listed = false;
+                pull_out(bus, b);
             } else if (back) {
                 plug_in(bus, b);
             }

@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "engine/step.h"
-#include "scenes/finger_mesh.h"
+#include "scenes/load/finger_mesh.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -44,6 +44,7 @@ NodalResult press(const TetMesh& mesh, Material material, double depth, const Qu
     finger.poisson_ratio = poisson;
     finger.coupling.stiffness = 1e6;
     finger.coupling.angular_stiffness = 1e4;
+    finger.coupling.max_torque = 1e4;
     finger.start = turned(-lowest);
     spec.fingers.push_back(finger);
     spec.objects.push_back({"plane", {}, turned(0), 0});

@@ -3,8 +3,8 @@
 #include "engine/bodies/pose_spring.h"
 #include "engine/bodies/rigid_body.h"
 #include "engine/contact/contact_terms.h"
-#include "engine/skin/coupled.h"
-#include "engine/skin/newton.h"
+#include "engine/skin/solve/coupled.h"
+#include "engine/skin/solve/newton.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -256,9 +256,9 @@ SkinChunk<double> scrambled_chunk(int sample_refinement = 1) {
     const Pose<double> bone{{0, 0, 0.004}, normalised(Quaternion<double>{1, 0.05, 0.02, -0.03})};
     auto chunk = testing::make_chunk<double>(
         mesh, bone, {.low = 0.8, .high = 1.2, .friction = true, .sample_refinement = sample_refinement});
-    chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5};
+    testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5});
     testing::aim_all(chunk, 2000, 2, {{0.001, 0, 0.002}, normalised(Quaternion<double>{1, 0, 0.1, 0})});
-    place_slots(chunk);
+    begin_slots(chunk);
     chunk.scratch.start_position = chunk.state.position;
     chunk.scratch.inertia_target = chunk.state.position;
     std::mt19937 random(7);
@@ -293,22 +293,22 @@ void move(SkinChunk<double>& c, int u, int d, double h) {
 /// of contact, but for the turning of normals, which the solve leaves out.
 TEST(Derivatives, GradientAlongTheMotionsOfABody) {
     SkinChunk<double> c = scrambled_chunk(2);
-    const std::size_t S = c.topology->sample_count();
-    c.exchange.centre.resize(3), c.exchange.slot_gradient.resize(3 * S), c.exchange.slot_curvature.resize(9 * S);
-    c.exchange.body_gradient.resize(6), c.exchange.body_matrix.resize(36);
-    c.exchange.columns.resize(18 * c.topology->unknowns.size());
+    c.has_bodies = true;
+    resize_fields(c);
+    LaneContact& object = c.contacts.at(0, 0);
     const Shape ball{ShapeKind::sphere, {0.02, 0, 0}};
-    c.slots[0].shape = ball;
-    c.slots[0].body = 0;
-    c.slots[0].mass_centre = {0.001, 0.002, -0.003};
+    object.shape = ball;
+    object.body = 0;
+    object.mass_centre = {0.001, 0.002, -0.003};
+    begin_slots(c);
     const Pose<double> pose{{0.001, 0, -0.0205}, normalised(Quaternion<double>{1, 0.1, 0.2, 0.05})};
     const RigidBody body = [&] {
         RigidBody b;
-        b.mass_centre = c.slots[0].mass_centre;
+        b.mass_centre = object.mass_centre;
         return b;
     }();
     auto energy = [&](const Motion& m, double exactness) {
-        c.slots[0].pose = object_pose(body, moved(centre_pose(body, pose), m, 1));
+        object.pose = object_pose(body, moved(centre_pose(body, pose), m, 1));
         place_slots(c);
         const double e = evaluate<double>(c, SolverSettings{}, exactness).energy;
         detail::add_body_gradients<double>(c);
@@ -326,9 +326,9 @@ TEST(Derivatives, GradientAlongTheMotionsOfABody) {
         EXPECT_NEAR(gradient[k], (high - low) / 2e-8, 1e-6 * scale) << k;
     }
     // Translations do not turn normals that do not depend on where they are: against a plane the matrix is exact.
-    c.slots[0].shape = {};
-    c.slots[0].pose = {{0, 0, 0.001}, Quaternion<double>::identity()};
-    place_slots(c);
+    object.shape = {};
+    object.pose = {{0, 0, 0.001}, Quaternion<double>::identity()};
+    begin_slots(c);
     evaluate<double>(c, SolverSettings{}, 1.0);
     detail::add_body_gradients<double>(c);
     detail::fill_columns<double>(c);
@@ -336,8 +336,8 @@ TEST(Derivatives, GradientAlongTheMotionsOfABody) {
         const double h = 1e-8;
         std::vector<double> slope(6, 0.0);
         for (double side : {h, -h}) {
-            c.slots[0].pose.position = {0, 0, 0.001};
-            c.slots[0].pose.position[k] += side;
+            object.pose.position = {0, 0, 0.001};
+            object.pose.position[k] += side;
             place_slots(c);
             evaluate<double>(c, SolverSettings{}, 1.0);
             detail::add_body_gradients<double>(c);

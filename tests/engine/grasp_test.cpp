@@ -140,7 +140,7 @@ bool finite_and_near(const World& world, double reach) {
         const Vec3<double>& x = s.pose.position;
         if (!std::isfinite(dot(x, x)) || !std::isfinite(s.pose.rotation.w)) return false;
     }
-    for (const auto& c : world.double_chunks)
+    for (const auto& c : world.chunks.doubles)
         for (double x : c.state.position)
             if (!(std::abs(x) < reach)) return false;
     return true;

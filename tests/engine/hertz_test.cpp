@@ -39,7 +39,7 @@ Indentation indent(int fine) {
     Pose<double> sphere = Pose<double>::identity();
     sphere.position.z = depth - sphere_radius;
     const Shape shape{ShapeKind::sphere, {sphere_radius, 0, 0}};
-    chunk.slots[0] = {0, shape, sphere, Pose<double>::identity(), 0};
+    testing::touch_all(chunk, {0, shape, sphere, Pose<double>::identity(), 0});
     testing::aim_all(chunk, 1e7, 1e5, Pose<double>::identity());
     SolverSettings s;
     s.inertia = false;

@@ -5,9 +5,9 @@
 #include <random>
 
 #include "engine/build.h"
-#include "engine/skin/evaluate.h"
+#include "engine/skin/solve/evaluate.h"
 #include "engine/step.h"
-#include "scenes/simulation.h"
+#include "scenes/run/simulation.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -180,7 +180,7 @@ Pressed press(double detail_error, double depth, bool single) {
         p.forces.push_back(world.contact_surfaces[0].total);
         p.limited.push_back(status.limited_elements);
         p.violation = std::max(p.violation, status.limit_violation);
-        p.linear.push_back(single ? world.float_chunks[0].linear_lanes : world.double_chunks[0].linear_lanes);
+        p.linear.push_back(single ? world.chunks.floats[0].linear_lanes : world.chunks.doubles[0].linear_lanes);
     }
     return p;
 }
@@ -245,7 +245,7 @@ TEST(LinearTissue, CostsNoMemoryWhereItIsNotAllowedOrNotPossible) {
 TEST(LinearTissue, LiftsAHeldCubeAsTheTissueItselfDoes) {
     auto start = [](const char* detail) {
         return make_simulation(
-            load_scene(PALPATE_SOURCE_DIR "/scenes/pinch.toml",
+            load_scene(testing::source_dir() + "/scenes/pinch.toml",
                        {"solver.preset=reference", "duration_s=1", std::string("solver.detail=") + detail}),
             1);
     };

@@ -8,7 +8,7 @@
 #include "engine/step.h"
 #include "meshes/input_error.h"
 #include "meshes/triangle_tree.h"
-#include "scenes/scene.h"
+#include "scenes/load/scene.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -46,7 +46,7 @@ Surface box_surface(const Vec3<double>& half, int n, double round = 0) {
     return s;
 }
 
-Surface mug() { return read_surface(PALPATE_SOURCE_DIR "/scenes/mug.obj", "mm").surface; }
+Surface mug() { return read_surface(testing::source_dir() + "/scenes/mug.obj", "mm").surface; }
 
 /// Distance by every triangle, sign by the solid angle that the surface fills (van Oosterom & Strackee 1983).
 double brute_distance(const Surface& s, const Vec3<double>& x) {

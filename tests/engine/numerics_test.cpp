@@ -1,9 +1,9 @@
 // Lanes, singular values, block Cholesky, tables.
 
 #include "engine/ecs/table.h"
-#include "engine/skin/isotropic.h"
-#include "engine/skin/supernode_cholesky.h"
-#include "engine/skin/svd3.h"
+#include "engine/math/svd3.h"
+#include "engine/skin/factor/supernode_cholesky.h"
+#include "engine/skin/tissue/isotropic.h"
 #include "tests/support.h"
 
 namespace palpate {

@@ -1,7 +1,7 @@
 // Laws that the skin solver must keep.
 
-#include "engine/skin/evaluate.h"
-#include "engine/skin/kernels.h"
+#include "engine/skin/solve/evaluate.h"
+#include "engine/skin/solve/kernels.h"
 #include "engine/step.h"
 #include "tests/support.h"
 
@@ -153,7 +153,7 @@ SkinChunk<double> pressed(double depth, double dt, const ChunkOptions& options, 
     Pose<double> bone = Pose<double>::identity();
     bone.position.z = 0.0061;
     auto chunk = make_chunk<double>(block_mesh(4, 3, 3, 0.004), bone, options);
-    chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), friction};
+    testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), friction});
     SolverSettings s;
     s.dt = dt;
     s.newton_iterations = 400;
@@ -270,7 +270,7 @@ TEST(Physics, ANaNLaneIsResetAndItsNeighboursDoNotChangeByABit) {
         Pose<double> bone = Pose<double>::identity();
         bone.position.z = 0.0045;
         auto chunk = make_chunk<double>(mesh, bone, {.width = width});
-        chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0};
+        testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0});
         Pose<double> target = bone;
         target.position.z -= 0.002;
         testing::aim_all(chunk, 2000, 2, target);
@@ -317,7 +317,7 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
             set_lane(chunk, lane, lane, p, bone);
         }
         fill_empty_lanes(chunk);
-        chunk.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5};
+        testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5});
         Pose<double> target = bone;
         target.position.z -= 0.003;
         testing::aim_all(chunk, 2000, 2, target);
@@ -346,7 +346,8 @@ TEST(Physics, SinglePrecisionAgreesWithDouble) {
     bone.position.z = 0.0061;
     auto d = make_chunk<double>(mesh, bone, {});
     auto f = make_chunk<float>(mesh, bone, {});
-    d.slots[0] = f.slots[0] = {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0};
+    testing::touch_all(d, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0});
+    testing::touch_all(f, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0});
     SolverSettings s, loose;
     loose.tolerance = 1e-3;
     loose.multiplier_tolerance = 1e-3;

@@ -5,7 +5,10 @@
 #include <atomic>
 #include <cstring>
 #include <new>
+#include <numbers>
 
+#include "devices/drivers/simulated.h"
+#include "devices/loop/loop.h"
 #include "engine/step.h"
 #include "tests/support.h"
 
@@ -118,13 +121,13 @@ TEST_P(StepWithBodies, SameBitsForAnyNumberOfThreads) {
     for (const ContactSurface& c : worlds[0].contact_surfaces) force += c.normal_force;
     EXPECT_GT(force, 0.1);
     for (std::size_t w = 1; w < worlds.size(); ++w) {
-        for (std::size_t c = 0; c < worlds[0].double_chunks.size(); ++c) {
-            compare("position", worlds[0].double_chunks[c].state.position, worlds[w].double_chunks[c].state.position);
-            compare("velocity", worlds[0].double_chunks[c].state.velocity, worlds[w].double_chunks[c].state.velocity);
-            compare("normal_multiplier", worlds[0].double_chunks[c].state.normal_multiplier,
-                    worlds[w].double_chunks[c].state.normal_multiplier);
-            compare("tangential_multiplier", worlds[0].double_chunks[c].state.tangential_multiplier,
-                    worlds[w].double_chunks[c].state.tangential_multiplier);
+        for (std::size_t c = 0; c < worlds[0].chunks.doubles.size(); ++c) {
+            compare("position", worlds[0].chunks.doubles[c].state.position, worlds[w].chunks.doubles[c].state.position);
+            compare("velocity", worlds[0].chunks.doubles[c].state.velocity, worlds[w].chunks.doubles[c].state.velocity);
+            compare("normal_multiplier", worlds[0].chunks.doubles[c].state.normal_multiplier,
+                    worlds[w].chunks.doubles[c].state.normal_multiplier);
+            compare("tangential_multiplier", worlds[0].chunks.doubles[c].state.tangential_multiplier,
+                    worlds[w].chunks.doubles[c].state.tangential_multiplier);
         }
         for (std::size_t o = 0; o < worlds[0].shapes.size(); ++o) {
             EXPECT_EQ(worlds[0].shapes[o].pose.position.x, worlds[w].shapes[o].pose.position.x);
@@ -159,28 +162,64 @@ TEST(Step, AFingerFarFromEverythingSleepsUntilItsTargetMovesOrAnObjectComes) {
     };
     Pose<double> pose = spec.fingers[0].start;
     advance(pose, 20);
-    EXPECT_TRUE(world.double_chunks[0].asleep_lanes);
+    EXPECT_TRUE(world.chunks.doubles[0].asleep_lanes);
     const auto still = finger_positions(world, world.skins.owner(0));
     advance(pose, 20);
     EXPECT_EQ(finger_positions(world, world.skins.owner(0)), still);
     pose.position.x += 0.01;
     advance(pose, 1);
-    EXPECT_FALSE(world.double_chunks[0].asleep_lanes);
+    EXPECT_FALSE(world.chunks.doubles[0].asleep_lanes);
     advance(pose, 400);
-    EXPECT_TRUE(world.double_chunks[0].asleep_lanes);
+    EXPECT_TRUE(world.chunks.doubles[0].asleep_lanes);
     EXPECT_NEAR(finger_positions(world, world.skins.owner(0))[0][0], still[0][0] + 0.01, 1e-6);
     world.shapes[1].pose.position = pose.position - Vec3<double>{0, 0, 0.0135};  // the ball comes from below
     advance(pose, 3);
-    EXPECT_FALSE(world.double_chunks[0].asleep_lanes);
+    EXPECT_FALSE(world.chunks.doubles[0].asleep_lanes);
     EXPECT_GT(world.contact_surfaces[0].normal_force, 0);
+}
+
+/// A hand that is seen no more must not go on pressing: its thimble goes to rest, slowly, and comes back with the hand.
+TEST(Step, ASilentTrackerLeadsItsThimbleToRest) {
+    World world = build_world(scene_of(1, true));
+    oneapi::tbb::task_arena arena(1);
+    const Matching& m = world.matchings[0];
+    ThimbleLoop loop;
+    initialise(loop, m.model, {}, make_simulated_driver({}, m.model.kind->joints(m.model, m.model.rest).q));
+    world.device_links[0].mailbox = &loop.mailbox;
+    Pose<double> pressed = world.skins[0].start;
+    pressed.position.z -= 0.002;
+    double fastest = 0;
+    auto run_for = [&](double seconds, bool seen) {
+        fastest = 0;
+        for (const double end = world.time + seconds; world.time < end;) {
+            world.tracker_poses[0].incoming = {pressed, world.time, seen};
+            step(world, arena);
+            if (tick(loop, world.time)) fastest = std::max(fastest, loop.velocity.cwiseAbs().maxCoeff());
+        }
+    };
+    run_for(1, true);
+    ASSERT_GT(world.contact_surfaces[0].normal_force, 0.05);
+    const Coordinates pressing = loop.q;
+    const double way = (pressing - loop.rest_q).cwiseAbs().maxCoeff();
+    ASSERT_GT(way, 0.1);
+    run_for(1.5, false);
+    EXPECT_LT((loop.q - pressing).cwiseAbs().maxCoeff(), 0.1 * way) << "a short silence changes nothing";
+    run_for(3.5, false);
+    EXPECT_LT((loop.q - loop.rest_q).cwiseAbs().maxCoeff(), 1e-3);
+    EXPECT_GT(world.contact_surfaces[0].normal_force, 0.05) << "the finger stays where it was seen last";
+    EXPECT_LT(fastest, 0.7 * way) << "in two seconds";
+    EXPECT_EQ(world.device_links[0].retreats, 1);
+    run_for(2, true);
+    EXPECT_LT((loop.q - pressing).cwiseAbs().maxCoeff(), 0.1 * way);
+    EXPECT_EQ(world.device_links[0].retreat, 0);
 }
 
 TEST(Step, FingersOfOneConnectivityShareChunks) {
     const World world = build_world(scene_of(5, false));
     int lanes = 0;
-    for (const auto& c : world.double_chunks) lanes += c.width;
+    for (const auto& c : world.chunks.doubles) lanes += c.width;
     EXPECT_GE(lanes, 5);
-    EXPECT_LE(int(world.double_chunks.size()), 3);
+    EXPECT_LE(int(world.chunks.doubles.size()), 3);
     for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(world.skins[i].name, "finger" + std::to_string(i));
 }
 
@@ -188,13 +227,13 @@ TEST(Step, WhatIsNotNamedIsNotBuilt) {
     const World plain = build_world(scene_of(2, false, 0));
     EXPECT_TRUE(plain.matchings.empty());
     EXPECT_TRUE(plain.device_links.empty());
-    for (const auto& c : plain.double_chunks) EXPECT_TRUE(c.state.tangential_multiplier.empty());
+    for (const auto& c : plain.chunks.doubles) EXPECT_TRUE(c.state.tangential_multiplier.empty());
     SceneSpec bare = scene_of(2, true);
     bare.objects.clear();
     for (FingerSpec& f : bare.fingers) f.has_limits = false;
     const World world = build_world(bare);
     EXPECT_TRUE(world.matchings.empty()) << "a thimble on a finger that cannot touch anything";
-    for (const auto& c : world.double_chunks) {
+    for (const auto& c : world.chunks.doubles) {
         EXPECT_TRUE(c.state.normal_multiplier.empty());
         EXPECT_TRUE(c.state.limit_multiplier.empty());
     }
@@ -279,7 +318,7 @@ TEST(Trackers, BadSamplesAreCountedAndNeverUsed) {
     EXPECT_EQ(t.backward, 1);
     offer({good, world.time, false});
     EXPECT_EQ(t.missing, 1);
-    for (double x : world.double_chunks[0].state.position) EXPECT_TRUE(std::isfinite(x));
+    for (double x : world.chunks.doubles[0].state.position) EXPECT_TRUE(std::isfinite(x));
 }
 
 TEST(Trackers, OppositeQuaternionsAreOneRotation) {
@@ -311,6 +350,53 @@ TEST(Trackers, ATeleportIsSlowedDown) {
     EXPECT_LE(norm(world.couplings[0].target.position - before),
               world.couplings[0].max_speed * world.solver.dt * (1 + 1e-12));
     EXPECT_EQ(world.couplings[0].slowed, 1);
+}
+
+TEST(Trackers, AFlipIsSlowedDown) {
+    World world = build_world(scene_of(1, false));
+    oneapi::tbb::task_arena arena(1);
+    drive(world, arena, 5);
+    const std::int64_t before = world.couplings[0].slowed;
+    const Quaternion<double> from = world.couplings[0].target.rotation;
+    TrackerPose& t = world.tracker_poses[0];
+    const double half = 0.5 * 170 * std::numbers::pi / 180;
+    t.incoming.pose.rotation = normalised(Quaternion<double>{std::cos(half), 0, std::sin(half), 0} * from);
+    auto angle = [](const Quaternion<double>& a, const Quaternion<double>& b) {
+        const Quaternion<double> e = a * conjugate(b);
+        return 2 * std::atan2(norm(e.vector()), std::abs(e.w));
+    };
+    const double most = world.couplings[0].max_spin * world.solver.dt;
+    Quaternion<double> last = from;
+    int steps = 0;
+    for (; steps < 100 && angle(t.incoming.pose.rotation, last) > 1e-6; ++steps) {
+        t.incoming.time = world.time;
+        step(world, arena);
+        const Quaternion<double> now = world.couplings[0].target.rotation;
+        EXPECT_LE(angle(now, last), most * (1 + 1e-9));
+        last = now;
+    }
+    const int limited = int(std::ceil(2 * half / most));  // turns that fill all of 170 degrees
+    EXPECT_EQ(steps, limited);
+    EXPECT_EQ(world.couplings[0].slowed - before, limited - 1);  // the last turn is whole
+}
+
+TEST(Trackers, TheCouplingsTorqueIsLimited) {
+    SceneSpec spec = scene_of(1, false);
+    spec.solver.inertia = false;
+    spec.objects.clear();
+    spec.fingers[0].coupling.max_torque = 0.01;
+    spec.fingers[0].coupling.max_spin = 1e4;
+    World world = build_world(spec);
+    oneapi::tbb::task_arena arena(1);
+    TrackerPose& t = world.tracker_poses[0];
+    t.incoming = {spec.fingers[0].start, 0, true};
+    step(world, arena);
+    // Nothing holds the finger: it turns as far as the spring's limited reach, and no farther in one step.
+    t.incoming.pose.rotation = normalised(Quaternion<double>{1, 0, 1, 0} * t.incoming.pose.rotation);
+    const Quaternion<double> before = bone_pose(world, world.skins.owner(0)).rotation;
+    step(world, arena);
+    const Quaternion<double> e = bone_pose(world, world.skins.owner(0)).rotation * conjugate(before);
+    EXPECT_NEAR(2 * spec.fingers[0].coupling.angular_stiffness * norm(e.vector()), 0.01, 1e-6);
 }
 
 TEST(Build, RefusesNonsenseWithSentences) {

@@ -8,7 +8,7 @@ cmake -G Ninja -S tests/fuzz -B build/fuzz -DCMAKE_CXX_COMPILER=clang++ > /dev/n
 cmake --build build/fuzz
 mkdir -p build/fuzz/found
 jobs=""
-for target in hands serial mesh_files; do
+for target in hands serial mesh_files web text; do
     mkdir -p "build/fuzz/corpus/$target"
     build/fuzz/fuzz_$target -max_total_time="$seconds" -max_len=20000 -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 \
         -artifact_prefix="build/fuzz/found/$target-" "build/fuzz/corpus/$target" "tests/fuzz/corpus/$target" \

@@ -9,7 +9,7 @@
 #include "meshes/mesh_quality.h"
 #include "meshes/remesh.h"
 #include "meshes/tetrahedralise.h"
-#include "scenes/finger_mesh.h"
+#include "scenes/load/finger_mesh.h"
 #include "tests/support.h"
 
 namespace palpate {

@@ -9,8 +9,9 @@
 #include "meshes/input_error.h"
 #include "meshes/layers.h"
 #include "meshes/mesh_quality.h"
-#include "scenes/fingers/calibration.h"
-#include "scenes/scene.h"
+#include "scenes/load/scene.h"
+#include "scenes/load/section.h"
+#include "scenes/studies/calibration.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -113,7 +114,7 @@ TEST(Indentation, AFingerAloneAndBesideOthersGivesTheSameBits) {
     }
 }
 
-/// What the README says of the default index finger, at the paper's mesh size and at a fine one.
+/// What meshes/README.md says of the default index finger, at the paper's mesh size and at a fine one.
 /// Elements; degrees between finger and plate.
 class IndexFinger : public ::testing::TestWithParam<std::tuple<int, int>> {};
 INSTANTIATE_TEST_SUITE_P(Indentation, IndexFinger,
@@ -209,7 +210,7 @@ TEST(FingerFiles, ASceneUsesThemAndItsOwnTablesComeFirst) {
     testing::ScratchFolder scratch;
     write_finger_file(scratch.path / "mine.toml", named("index-small"), {});
     std::ofstream(scratch.path / "scene.toml")
-        << "[[object]]\nname = \"table\"\n[[finger]]\nname = \"a\"\nfinger = \"mine.toml\"\n"
+        << "[[object]]\nname = \"table\"\nposition_mm = [0, 0, -20]\n[[finger]]\nname = \"a\"\nfinger = \"mine.toml\"\n"
            "[[finger]]\nname = \"b\"\nfinger = \"index-large\"\nmaterial = { poisson = 0.3 }\n";
     const Scene scene = load_scene(scratch.path / "scene.toml");
     EXPECT_TRUE(scene.spec.fingers[0].has_limits);
@@ -388,7 +389,8 @@ TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     ASSERT_EQ(fitted.code, 0) << fitted.out;
     EXPECT_NE(fitted.out.find("young_kPa"), std::string::npos);
     std::ofstream(scratch.path / "scene.toml")
-        << "duration_s = 0.02\n[[object]]\nname = \"table\"\n[[finger]]\nname = \"a\"\nfinger = \"mine.toml\"\n";
+        << "duration_s = 0.02\n[[object]]\nname = \"table\"\nposition_mm = [0, 0, -20]\n[[finger]]\nname = \"a\"\n"
+           "finger = \"mine.toml\"\n";
     const auto run = palpate_program("run " + at + "/scene.toml --quiet --out " + at + "/out");
     EXPECT_EQ(run.code, 0) << run.out;
     EXPECT_EQ(palpate_program("indent toe").code, 2);

@@ -2,14 +2,14 @@
 
 #include <fstream>
 
-#include "scenes/budget.h"
 #include "scenes/recording/run_file.h"
+#include "scenes/run/budget.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
-const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+const std::string scenes = testing::source_dir() + "/scenes/";
 
 /// A machine on which a step of a preset takes this long [s].
 int run_governor(Governor& g, const std::array<double, 4>& seconds, int steps) {
@@ -69,9 +69,9 @@ TEST(Governor, WhatItChoseIsRecordedAndReplaysBitForBit) {
             writer.record(inputs, s);
         }
     }
-    const RecordedRun run = read_run(file);
+    const RecordedRun run = read_recording(file).runs.at(0);
     ASSERT_EQ(run.steps.size(), 90u);
-    Simulation again = make_simulation(recorded_scene(run, file), 2);
+    Simulation again = make_simulation(recorded_scene(run, file, run.overrides), 2);
     for (std::size_t k = 0; k < run.steps.size(); ++k) {
         EXPECT_EQ(run.steps[k].inputs.preset, int(k) / 10 % 3);
         advance(again, run.steps[k].inputs);

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "meshes/mesh_files.h"
-#include "scenes/compare.h"
-#include "scenes/summary.h"
+#include "scenes/run/summary.h"
+#include "scenes/studies/compare.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -15,7 +15,7 @@ using testing::Outcome;
 using testing::palpate_program;
 using testing::ScratchFolder;
 
-const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+const std::string scenes = testing::source_dir() + "/scenes/";
 
 TEST(Program, RunWritesEverythingItPromises) {
     ScratchFolder scratch;
@@ -50,7 +50,7 @@ TEST(Program, TheSummarySaysWhatDetailWasLeftOut) {
         EXPECT_EQ(o.code, 0) << o.out;
         return nlohmann::json::parse(o.out)["left_out"];
     };
-    const auto full = left_out(""), automatic = left_out(" --set solver.detail=auto");
+    const auto full = left_out(""), automatic = left_out(" --set solver.level_of_detail=auto");
     EXPECT_EQ(full["rigid"].get<double>(), 0);
     EXPECT_EQ(full["between_nodes"].get<double>(), 0);
     for (const char* what : {"rigid", "between_nodes"}) {
@@ -184,6 +184,18 @@ TEST(Grasp, HoldsOneGramAndFiveKilogramsAlike) {
         EXPECT_LT(b.slip_mm, 1) << mass;
         EXPECT_EQ(b.resets, 0);
     }
+}
+
+TEST(Program, ATrayFullOfCubesStaysOnItsTable) {
+    Simulation s = make_simulation(load_scene(scenes + "tray.toml"), 2);
+    const std::atomic<bool> stop{false};
+    run(s, stop, {});
+    for (const RigidShape& o : s.world.shapes)
+        EXPECT_NEAR(o.pose.position.z, o.name == "tray" ? 0.002 : o.name == "table" ? 0 : 0.012, 2e-5) << o.name;
+    EXPECT_GT(s.world.contact_surfaces[0].normal_force, 0.2);
+    const Summary summary = summarise(s);
+    EXPECT_EQ(summary.overlap, "");
+    for (const BodySummary& b : summary.bodies) EXPECT_GE(b.converged_share, 0.97) << b.name;
 }
 
 TEST(Program, SaysWhatSlipsAndWhatIsDropped) {

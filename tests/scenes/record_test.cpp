@@ -15,10 +15,10 @@
 namespace palpate {
 namespace {
 
-const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+const std::string scenes = testing::source_dir() + "/scenes/";
 
 int palpate_program(const std::string& arguments) {
-    const int status = std::system((std::string(PALPATE_PROGRAM) + " " + arguments + " > /dev/null 2>&1").c_str());
+    const int status = std::system((testing::program_path() + " " + arguments + " > /dev/null 2>&1").c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
@@ -31,6 +31,7 @@ void record(const std::filesystem::path& path, const std::string& scene, int ste
         advance(s, inputs);
         writer.record(inputs, s);
     }
+    writer.finish();
 }
 
 TEST(Record, ReplayGivesTheSameBitsForAnyNumberOfThreads) {
@@ -51,7 +52,7 @@ TEST(Record, ConvertsToTablesAndPads) {
     const std::string file = (scratch.path / "run").string(), out = (scratch.path / "out").string();
     record(file, "press.toml", 80);
     ASSERT_EQ(palpate_program("convert " + file + " --csv " + out + " --vtu " + out + "/pads --rate 20"), 0);
-    const RecordedRun run = read_run(file);
+    const RecordedRun run = read_recording(file).runs.at(0);
     std::ifstream in(out + "/fingers/index.csv");
     std::string line;
     std::getline(in, line);
@@ -81,7 +82,7 @@ TEST(Record, ConvertsToTablesAndPads) {
 TEST(Record, SaysWhereARunComesOutOtherwise) {
     testing::ScratchFolder scratch;
     record(scratch.path / "run", "press.toml", 60);
-    RecordedRun run = read_run(scratch.path / "run");
+    RecordedRun run = read_recording(scratch.path / "run").runs.at(0);
     ASSERT_EQ(run.steps.size(), 60u);
     run.steps[30].inputs.fingers[0].pose.position.x += 1e-6;
     Simulation s = make_simulation(load_scene(run.scene, run.overrides), 1);
@@ -109,27 +110,33 @@ TEST(Record, EverythingUpToTheLastCompleteFrameCanBeReadWhereverTheFileEnds) {
     record(whole, "press.toml", 40);
     std::ifstream in(whole, std::ios::binary);
     const std::vector<char> bytes{std::istreambuf_iterator<char>(in), {}};
-    const std::size_t frame = 12 + 8 + 1 + 8 + 56 + 56 + 3 * 8 + 24;  // one finger, one object, one thimble
-    const std::size_t header = bytes.size() - 40 * frame;
+    const std::size_t frame = 12 + 33 + 89 + 56 + 3 * 8;  // one finger, one object, one thimble
+    const std::size_t end = 12 + 8, header = bytes.size() - 40 * frame - end;
     std::mt19937 random(1);
     for (int trial = 0; trial < 100; ++trial) {
-        const std::size_t size = std::uniform_int_distribution<std::size_t>(header, bytes.size())(random);
+        const std::size_t size = std::uniform_int_distribution<std::size_t>(header, bytes.size() - end)(random);
         std::ofstream(cut, std::ios::binary).write(bytes.data(), std::streamsize(size));
-        const RecordedRun run = read_run(cut);
-        EXPECT_EQ(run.steps.size(), (size - header) / frame);
-        EXPECT_EQ(run.unread_bytes, (size - header) % frame);
+        const Recording r = read_recording(cut);
+        EXPECT_EQ(r.runs.at(0).steps.size(), (size - header) / frame);
+        EXPECT_EQ(r.unread_bytes, (size - header) % frame);
+        EXPECT_FALSE(r.losses.empty());
     }
     for (int trial = 0; trial < 100; ++trial) {  // damage
         auto damaged = bytes;
-        const std::size_t at = std::uniform_int_distribution<std::size_t>(header, bytes.size() - 1)(random);
+        const std::size_t at = std::uniform_int_distribution<std::size_t>(header, bytes.size() - end - 1)(random);
         damaged[at] = char(damaged[at] ^ (1 << trial % 8));
         std::ofstream(cut, std::ios::binary).write(damaged.data(), std::streamsize(damaged.size()));
-        EXPECT_EQ(read_run(cut).steps.size(), (at - header) / frame);
+        const Recording r = read_recording(cut);
+        const std::size_t lost = (at - header) / frame;
+        ASSERT_EQ(r.runs.at(0).steps.size(), 39u) << "what lies behind the damage is read, too";
+        EXPECT_EQ(r.runs[0].gaps.at(0).step, lost);
+        EXPECT_EQ(r.losses.size(), 1u);
+        for (std::size_t k = 0; k < 39; ++k) EXPECT_EQ(r.runs[0].steps[k].number, int(k + (k >= lost) + 1));
     }
-    for (const std::string& text :
-         {std::string(), std::string("palpate1"), std::string("palpate1{}{}{}{}{}{}{}{}{}")}) {
+    for (const std::string& text : {std::string(), std::string("palpate1"), std::string("palpate2"),
+                                    std::string("palpate3"), std::string("palpate1{}{}{}{}{}{}{}{}{}")}) {
         std::ofstream(cut, std::ios::binary) << text;
-        EXPECT_THROW(read_run(cut), InputError);
+        EXPECT_THROW(read_recording(cut), InputError);
     }
 }
 
@@ -141,8 +148,8 @@ TEST(Record, NothingRecordedIsLostWhenTheProcessIsKilled) {
         std::filesystem::remove(file);
         const pid_t child = fork();
         if (child == 0) {
-            execl(PALPATE_PROGRAM, "palpate", "run", (scenes + "press.toml").c_str(), "--quiet", "--duration", "500",
-                  "--out", (scratch.path / "out").c_str(), "--record", file.c_str(), nullptr);
+            execl(testing::program_path().c_str(), "palpate", "run", (scenes + "press.toml").c_str(), "--quiet",
+                  "--duration", "500", "--out", (scratch.path / "out").c_str(), "--record", file.c_str(), nullptr);
             _exit(4);
         }
         std::uintmax_t seen = 0;
@@ -151,9 +158,11 @@ TEST(Record, NothingRecordedIsLostWhenTheProcessIsKilled) {
         usleep(std::uniform_int_distribution<useconds_t>(0, 30'000)(random));
         kill(child, SIGKILL);
         waitpid(child, nullptr, 0);
-        const RecordedRun run = read_run(file);
+        const Recording recording = read_recording(file);
+        const RecordedRun& run = recording.runs.at(0);
         EXPECT_GT(run.steps.size(), 50u);
-        EXPECT_EQ(run.unread_bytes, 0u);  // frames are written whole
+        EXPECT_EQ(recording.unread_bytes, 0u);  // frames are written whole
+        EXPECT_FALSE(run.ended);
         for (std::size_t k = 1; k < run.steps.size(); ++k) EXPECT_GT(run.steps[k].time, run.steps[k - 1].time);
     }
 }

@@ -1,6 +1,6 @@
 // Sweeps, budgets, comparisons and the stress suite, as their users run them.
 
-#include "scenes/sweep.h"
+#include "scenes/studies/sweep.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +17,7 @@ using testing::Outcome;
 using testing::palpate_program;
 using testing::ScratchFolder;
 
-const std::string scenes = PALPATE_SOURCE_DIR "/scenes/";
+const std::string scenes = testing::source_dir() + "/scenes/";
 
 std::string text_of(const std::filesystem::path& file) {
     std::stringstream text;
@@ -159,7 +159,7 @@ TEST(Sweep, TwoProcessesFindWhatOneFinds) {
     const std::string command =
         "sweep " + scenes + "press.toml --axes dt_ms=10,20 solver.newton_iterations=1,2,6 --threads 1 --out ";
     ASSERT_EQ(palpate_program(command + (scratch.path / "one").string()).code, 0);
-    const std::string launch = "mpirun --allow-run-as-root --oversubscribe -n 2 " PALPATE_PROGRAM " ";
+    const std::string launch = "mpirun --allow-run-as-root --oversubscribe -n 2 " + testing::program_path() + " ";
     const std::string two = launch + command + (scratch.path / "two").string() + " > /dev/null 2>&1";
     ASSERT_EQ(std::system(two.c_str()), 0);
     // Settings and errors; times differ.

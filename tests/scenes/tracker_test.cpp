@@ -9,10 +9,11 @@
 
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "meshes/input_error.h"
-#include "scenes/grasp.h"
+#include "scenes/run/grasp.h"
 #include "scenes/trackers/pinch_fit.h"
 #include "scenes/trackers/ultraleap.h"
 #include "tests/support.h"
@@ -36,7 +37,7 @@ constexpr int left = 0, right = 1;
 
 /// Lines with joints of the repository's recording: one datagram each.
 std::vector<std::string> recorded_frames() {
-    std::ifstream in(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    std::ifstream in(testing::source_dir() + "/scenes/pinch.jsonl");
     std::vector<std::string> lines;
     nlohmann::json header;
     for (std::string line; std::getline(in, line);) {
@@ -53,7 +54,7 @@ std::vector<std::string> recorded_frames() {
 }
 
 TEST(UdpHand, ALiveHandIsTheRecordedOne) {
-    const HandRecording recording = read_hand_recording(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl", "right");
+    const HandRecording recording = read_hand_recording(testing::source_dir() + "/scenes/pinch.jsonl", "right");
     const auto lines = recorded_frames();
     ASSERT_EQ(lines.size(), recording.frames.size());
     LiveHands live("udp:0");
@@ -107,7 +108,7 @@ std::shared_ptr<const HandRecording> recorded(const std::filesystem::path& path)
 }
 
 TEST(HandMailbox, CountsWhatComesLateAndTellsTheTiming) {
-    const HandRecording recording = *recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    const HandRecording recording = *recorded(testing::source_dir() + "/scenes/pinch.jsonl");
     HandMailbox mailbox;
     mailbox.take(right, recording.frames[5], 10.0);
     mailbox.take(right, recording.frames[6], 9.98);  // overtaken
@@ -132,7 +133,7 @@ TEST(HandMailbox, CountsWhatComesLateAndTellsTheTiming) {
 
 /// The service's own protocol there and back: what arrives is what was recorded, at its own times.
 TEST(Ultraleap, AnEmulatedServiceGivesTheRecordedHand) {
-    std::filesystem::path file = PALPATE_SOURCE_DIR "/scenes/pinch.jsonl";
+    std::filesystem::path file = testing::source_dir() + "/scenes/pinch.jsonl";
     if (!testing::shared_data().empty()) file = testing::shared_data() / "tracking/pinch_57fps.csv";
     const auto recording = recorded(file);
     UltraleapEmulator service(0, {nullptr, recording}, 4, false);
@@ -162,7 +163,7 @@ TEST(Ultraleap, AnEmulatedServiceGivesTheRecordedHand) {
 }
 
 TEST(Ultraleap, ComesBackAfterTheServiceWasStartedAnew) {
-    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    const auto recording = recorded(testing::source_dir() + "/scenes/pinch.jsonl");
     auto service = std::make_unique<UltraleapEmulator>(0, std::array{recording, recording}, 1, true);
     const int port = service->port();
     LiveHands live("ultraleap:127.0.0.1:" + std::to_string(port));
@@ -176,7 +177,7 @@ TEST(Ultraleap, ComesBackAfterTheServiceWasStartedAnew) {
 }
 
 TEST(Ultraleap, BadMessagesAreCountedAndChangeNothing) {
-    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    const auto recording = recorded(testing::source_dir() + "/scenes/pinch.jsonl");
     const nlohmann::json good = ultraleap_frame(1, 0.1, {nullptr, &recording->frames[0]});
     HandMailbox mailbox;
     std::int64_t last_id = -1;
@@ -217,10 +218,10 @@ TEST(Ultraleap, BadMessagesAreCountedAndChangeNothing) {
 /// A page, or a program, that sends hands to ws://.../hand.
 struct Sender {
     mg_connection* connection = nullptr;
-    explicit Sender(int port, const char* origin = nullptr) {
+    explicit Sender(int port, const char* origin = nullptr, const std::string& path = "/hand") {
         char error[200] = "";
         connection = mg_connect_websocket_client(
-            "127.0.0.1", port, 0, error, sizeof error, "/hand", origin,
+            "127.0.0.1", port, 0, error, sizeof error, path.c_str(), origin,
             [](mg_connection*, int, char*, std::size_t, void*) -> int { return 1; }, nullptr, nullptr);
     }
     ~Sender() {
@@ -244,9 +245,46 @@ TEST(WebsocketHand, TakesHandsFromThisMachineAlone) {
     EXPECT_TRUE(eventually([&] { return live.mailbox.counts().malformed >= 3; }));
     page.send(std::string(100000, 'x'));
     EXPECT_TRUE(eventually([&] { return live.mailbox.counts().last_problem == "a message of more than 64 kB"; }));
-    for (const char* other : {"http://example.com", "https://localhost.example.com", "null"})
+    for (const char* other : {"http://example.com", "https://localhost.example.com", "http://localhost:evil", "null"})
         EXPECT_FALSE(Sender(port, other).connection) << other;
     EXPECT_THROW(LiveHands("websocket:" + std::to_string(port)), InputError);
+}
+
+TEST(WebsocketHand, PagesOfOtherMachinesNeedTheToken) {
+    LiveHands live("websocket:0", true);
+    const int port = live.source->port();
+    const std::string about = live.source->about(), path = about.substr(about.find("/hand"));
+    ASSERT_NE(path.find("?token="), std::string::npos) << about;
+    const char* elsewhere = "https://headset.example.com";
+    EXPECT_FALSE(Sender(port, elsewhere).connection);
+    EXPECT_FALSE(Sender(port, elsewhere, "/hand?token=0123456789abcdef0123456789abcdef").connection);
+    EXPECT_FALSE(Sender(port, "http://localhost:evil").connection);
+    EXPECT_TRUE(Sender(port, elsewhere, path).connection);
+    EXPECT_TRUE(Sender(port, "http://localhost:8080").connection);
+}
+
+/// Messages that would be read by recursion, or fill the memory, are refused before they are parsed.
+TEST(LiveTracker, DepthAndSizeAreBoundedOnEveryWayIn) {
+    HandMailbox mailbox;
+    std::int64_t last_id = -1;
+    for (const char* key : {"hand", "units", "up", "valid", "joints", "hands", "pointables", "anything"})
+        for (const int depth : {17, 450, 30'000, 5'000'000}) {
+            const std::string text =
+                std::string("{\"") + key + "\":" + std::string(depth - 1, '[') + std::string(depth - 1, ']') + "}";
+            const auto before = mailbox.counts().malformed;
+            take_joints(mailbox, text.data(), text.size());
+            take_ultraleap(mailbox, text.data(), text.size(), last_id);
+            EXPECT_EQ(mailbox.counts().malformed, before + 2);
+            const std::string problem = mailbox.counts().last_problem;
+            EXPECT_TRUE(problem == "a message nested more than 16 deep" || problem == "a message of more than 64 kB")
+                << problem;
+        }
+    const testing::ScratchFolder folder;
+    const std::string file = (folder.path / "deep.jsonl").string();
+    std::ofstream(file) << "{\"units\":" << std::string(5'000'000, '[') << std::string(5'000'000, ']') << "}\n";
+    const testing::Outcome o = testing::palpate_program("tracker " + file);
+    EXPECT_EQ(o.code, 2) << o.out;
+    EXPECT_NE(o.out.find("deep.jsonl:1: a message of more than 64 kB"), std::string::npos) << o.out;
 }
 
 /// Everything that a tracker can do wrong, to the program as it is shipped: counted and said, never a crash, and never
@@ -258,8 +296,9 @@ TEST(LiveTracker, HostileInputNeverMovesAThimbleFasterThanItMay) {
     if (child == 0) {
         if (!freopen(log.c_str(), "w", stdout)) _exit(3);
         setvbuf(stdout, nullptr, _IOLBF, 0);
-        execl(PALPATE_PROGRAM, "palpate", "run", PALPATE_SOURCE_DIR "/scenes/recorded_hand.toml", "--tracker", "udp:0",
-              "--duration", "2.5", "--out", out.c_str(), nullptr);
+        execl(testing::program_path().c_str(), "palpate", "run",
+              (testing::source_dir() + "/scenes/recorded_hand.toml").c_str(), "--tracker", "udp:0", "--duration", "2.5",
+              "--out", out.c_str(), nullptr);
         _exit(4);
     }
     int port = 0;
@@ -331,7 +370,7 @@ TEST(LiveTracker, HostileInputNeverMovesAThimbleFasterThanItMay) {
 
 TEST(HandRecording, LinesAreReadAsTheyWereWritten) {
     const testing::ScratchFolder folder;
-    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
+    const auto recording = recorded(testing::source_dir() + "/scenes/pinch.jsonl");
     {
         std::ofstream out(folder.path / "copy.jsonl");
         out << hand_header() << "\n";
@@ -359,7 +398,7 @@ TEST(HandRecording, ColumnsOfOneNameAreRefused) {
 }
 
 TEST(HandRecording, GoesRoundAndSlowerWhereItIsAskedTo) {
-    const std::string file = PALPATE_SOURCE_DIR "/scenes/recorded_hand.toml";
+    const std::string file = testing::source_dir() + "/scenes/recorded_hand.toml";
     const Scene plain = load_scene(file), slow = load_scene(file, {"recording.speed=0.5"}),
                 round = load_scene(file, {"recording.loop=true"});
     EXPECT_EQ(tracked_pose(slow, 0, 1.0).pose.position.x, tracked_pose(plain, 0, 0.5).pose.position.x);
@@ -372,8 +411,8 @@ TEST(HandRecording, GoesRoundAndSlowerWhereItIsAskedTo) {
 
 /// Two fingers that pinch: fitted, they touch each other at the same place, pads facing.
 TEST(PinchFit, FittedFingersMeet) {
-    const auto recording = recorded(PALPATE_SOURCE_DIR "/scenes/pinch.jsonl");
-    const Scene scene = load_scene(PALPATE_SOURCE_DIR "/scenes/recorded_grasp.toml");
+    const auto recording = recorded(testing::source_dir() + "/scenes/pinch.jsonl");
+    const Scene scene = load_scene(testing::source_dir() + "/scenes/recorded_grasp.toml");
     const TetMesh &thumb = scene.spec.fingers[0].mesh, &index = scene.spec.fingers[1].mesh;
     for (double thickness : {0.0, 0.01}) {
         const PinchFit p = fit_pinch(*recording, {0, 1}, {&thumb, &index}, thickness);
@@ -441,7 +480,7 @@ TEST(Tracking, ARecordedRealHandHoldsABall) {
 
 /// A finger's `fit` moves it in the frame of the tracked one.
 TEST(Tracking, FitPlacesTheModelInTheTrackedFinger) {
-    const std::string file = PALPATE_SOURCE_DIR "/scenes/recorded_grasp.toml";
+    const std::string file = testing::source_dir() + "/scenes/recorded_grasp.toml";
     const Scene plain = load_scene(file), fitted = load_scene(file, {"finger.thumb.fit.rotation_deg=[90, 0, 0]",
                                                                      "finger.thumb.fit.position_mm=[0, 0, 5]"});
     for (double t : {0.0, 0.7, 1.5}) {

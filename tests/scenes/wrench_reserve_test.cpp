@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "scenes/wrench_reserve.h"
+#include "scenes/run/wrench_reserve.h"
 #include "tests/support.h"
 
 namespace palpate {

@@ -1,0 +1,22 @@
+#pragma once
+// Servos at rest, even where the program dies: abort, std::terminate, memory that is broken or used up.
+
+#include "devices/drivers/board.h"
+
+namespace palpate {
+
+/// As long as one of these lives, a signal that ends the program moves the board's servos to their rest values first,
+/// within their limits. That takes no memory and no lock: only what a signal handler may do. Signals that have a
+/// handler already are left to it. (Against SIGKILL stands the controller's own watchdog.)
+class RestOnDeath {
+  public:
+    explicit RestOnDeath(std::shared_ptr<Board> board);
+    ~RestOnDeath();
+    RestOnDeath(const RestOnDeath&) = delete;
+    RestOnDeath& operator=(const RestOnDeath&) = delete;
+
+  private:
+    std::shared_ptr<Board> board_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,55 @@
+#include "devices/loop/device_thread.h"
+
+#include <pthread.h>
+#include <sched.h>
+
+#include <chrono>
+#include <cmath>
+
+namespace palpate {
+
+double device_clock() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+DeviceThread::DeviceThread(std::vector<ThimbleLoop*> loops) : loops_(std::move(loops)) {
+    for (ThimbleLoop* loop : loops_) rearm(*loop, device_clock());
+    thread_ = std::thread([this] { run(); });
+    // Where the system allows it, ticks come before other work. Elsewhere they share.
+    sched_param priority{};
+    priority.sched_priority = 20;
+    (void)pthread_setschedparam(thread_.native_handle(), SCHED_FIFO, &priority);
+}
+
+void DeviceThread::stop() {
+    if (!thread_.joinable()) return;
+    for (ThimbleLoop* loop : loops_) park(*loop);
+    stop_ = true;
+    thread_.join();
+}
+
+void DeviceThread::run() {
+    double end = HUGE_VAL;
+    while (true) {
+        const double now = device_clock();
+        if (stop_ && end == HUGE_VAL) {
+            end = now;
+            for (ThimbleLoop* loop : loops_)
+                end = std::max(end, now + std::max(loop->settings.rest_within, time_to_rest(*loop)));
+        }
+        double next = now + 0.1;
+        bool moving = false;
+        for (ThimbleLoop* loop : loops_) {
+            const double due = loop->next_tick;
+            const bool first = loop->status.ticks == 0;
+            if (tick(*loop, device_clock()) && !first) lateness_.add(std::max(0.0, now - due));
+            next = std::min(next, loop->next_tick);
+            moving |= loop->status.mode != ThimbleMode::fault && !at_rest(*loop);
+        }
+        if (stop_ && (!moving || now >= end)) return;
+        const double wait = next - device_clock();
+        if (wait > 0) std::this_thread::sleep_for(std::chrono::duration<double>(wait));
+    }
+}
+
+}  // namespace palpate

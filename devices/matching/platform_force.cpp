@@ -1,0 +1,69 @@
+#include "devices/matching/platform_force.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+Coordinates torques_for_force(const DeviceModel& model, const Coordinates& w, double force) {
+    const Platform platform = model.kind->platform(model, w);
+    const Joints joints = model.kind->joints(model, w);
+    const Coordinates along_w = platform.dcentre.transpose() * (force * platform.normal);
+    // dq' torque = dcentre' n force.
+    return joints.dq.transpose().fullPivLu().solve(along_w);
+}
+
+Coordinates pressed_on(const DeviceModel& model, const Coordinates& w, double distance) {
+    const Platform platform = model.kind->platform(model, w);
+    const auto n = w.size();
+    // Tilts count by what they move at the platform's rim.
+    Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, max_device_dimension> ways(6, n);
+    ways << platform.dcentre, std::max(model.disk_radius, 0.01) * platform.dnormal;
+    Eigen::Matrix<double, 6, 1> wanted = Eigen::Matrix<double, 6, 1>::Zero();
+    wanted.head<3>() = distance * platform.normal;
+    // Damped in the scale of each component: a chain may be singular, and is then to stay where it is.
+    const Coordinates scale = model.kind->configuration_scale;
+    const DeviceJacobian S = scale.asDiagonal();
+    DeviceJacobian normal = S * (ways.transpose() * ways) * S;
+    normal.diagonal().array() += 1e-9 * std::max(normal.trace(), 1e-12);
+    const Coordinates step = scale.cwiseProduct(normal.ldlt().solve(S * (ways.transpose() * wanted)));
+    if (!step.allFinite()) return w;
+    double share = 1;
+    for (int k = 0; k < 20 && !inside_workspace(model, w + share * step, 1e-9); ++k) share *= 0.7;
+    const Coordinates there = w + share * step;
+    return inside_workspace(model, there, 1e-9) ? there : w;
+}
+
+Coordinates limit_torque(const Coordinates& torque, const Coordinates& largest) {
+    Coordinates limited = torque;
+    for (int i = 0; i < limited.size(); ++i) {
+        const double most = i < largest.size() && std::isfinite(largest[i]) ? std::max(0.0, largest[i]) : 0;
+        limited[i] = std::isfinite(torque[i]) ? std::clamp(torque[i], 0.0, most) : 0;
+    }
+    return limited;
+}
+
+Coordinates largest_torques(const DeviceModel& model) {
+    const DeviceKind& kind = *model.kind;
+    const auto n = kind.configuration_min.size();
+    Coordinates largest = Coordinates::Zero(kind.joint_count);
+    constexpr int points = 5;
+    int count = 1;
+    for (std::ptrdiff_t i = 0; i < n; ++i) count *= points;
+    for (int k = 0; k < count; ++k) {
+        Coordinates w(n);
+        for (std::ptrdiff_t i = 0, rest = k; i < n; ++i, rest /= points)
+            w[i] = kind.configuration_min[i] +
+                   double(rest % points) / (points - 1) * (kind.configuration_max[i] - kind.configuration_min[i]);
+        if (!inside_workspace(model, w)) continue;
+        const Coordinates torque = torques_for_force(model, w, model.max_force);
+        if (torque.allFinite()) largest = largest.cwiseMax(torque.cwiseAbs());
+    }
+    // Near a singularity any force takes any torque: no more than ten times the rest configuration's.
+    const Coordinates at_rest = torques_for_force(model, model.rest, model.max_force);
+    if (at_rest.allFinite() && at_rest.norm() > 0)
+        largest = largest.cwiseMax(at_rest.cwiseAbs()).cwiseMin(10 * at_rest.cwiseAbs().maxCoeff());
+    return largest;
+}
+
+}  // namespace palpate

@@ -1,0 +1,356 @@
+// The smooth field of a mesh: quadratic B-splines over exact distances at the centres of a grid's cells; over finer
+// cells, or the exact distance itself, where walls are too thin for those.
+
+#include "engine/contact/mesh_distance_field.h"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace palpate {
+
+namespace {
+
+using Vec = Vec3<double>;
+using Fine = DistanceMesh::Fine;
+
+constexpr double contact_band = 3e-3;  ///< [m]
+/// How many cells thick a wall must be. What the far side takes from the field at the near side follows from the
+/// splines' weights: of walls of 2.5 cells at most 0.001 of their thickness, of 2 cells 0.01. Thinner ones get finer
+/// cells, those that are too thin for these, too, the exact distance.
+constexpr double well_resolved = 2.5, resolved = 2;
+constexpr int most_bricks = 6000;  ///< 24 MB
+
+/// A function with its derivatives at a point.
+struct Field {
+    double value;
+    Vec gradient;
+    Mat3<double> hessian;
+};
+
+/// Weights of three neighbouring cells at `from_middle` cells off the middle one's centre, and their derivatives.
+struct Spline {
+    std::array<double, 3> weight, slope;
+    explicit Spline(double t)
+        : weight{0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t)},
+          slope{t - 0.5, -2 * t, t + 0.5} {}
+};
+/// Quadratic B-splines over 3x3x3 cells: once continuously differentiable, exact where the distance is linear.
+/// row(i, j, k): value of a cell. `away`: from the middle cell's centre [cells]. Second derivatives where the value is
+/// less than `band` from zero; else they are left at zero.
+template <class Row>
+Field spline_field(const Vec& away, double cell, double band, Row row) {
+    const Spline x(away.x), y(away.y), z(away.z);
+    std::array<double, 9> value, along, bent;
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j) {
+            const std::array<double, 3> v{row(0, j, k), row(1, j, k), row(2, j, k)};
+            value[3 * k + j] = x.weight[0] * v[0] + x.weight[1] * v[1] + x.weight[2] * v[2];
+            along[3 * k + j] = x.slope[0] * v[0] + x.slope[1] * v[1] + x.slope[2] * v[2];
+            bent[3 * k + j] = v[0] - 2 * v[1] + v[2];
+        }
+    auto sum = [](const std::array<double, 9>& v, const std::array<double, 3>& in_y,
+                  const std::array<double, 3>& in_z) {
+        double all = 0;
+        for (int k = 0; k < 3; ++k)
+            all += in_z[k] * (in_y[0] * v[3 * k] + in_y[1] * v[3 * k + 1] + in_y[2] * v[3 * k + 2]);
+        return all;
+    };
+    Field f{
+        sum(value, y.weight, z.weight),
+        (1 / cell) * Vec{sum(along, y.weight, z.weight), sum(value, y.slope, z.weight), sum(value, y.weight, z.slope)},
+        Mat3<double>::zero()};
+    if (!(std::abs(f.value) < band)) return f;
+    constexpr std::array<double, 3> bend{1, -2, 1};
+    const double scale = 1 / (cell * cell);
+    Mat3<double>& h = f.hessian;
+    h[0][0] = scale * sum(bent, y.weight, z.weight);
+    h[1][1] = scale * sum(value, bend, z.weight), h[2][2] = scale * sum(value, y.weight, bend);
+    h[0][1] = h[1][0] = scale * sum(along, y.slope, z.weight);
+    h[0][2] = h[2][0] = scale * sum(along, y.weight, z.slope);
+    h[1][2] = h[2][1] = scale * sum(value, y.slope, z.slope);
+    return f;
+}
+
+/// The cell of a grid that x lies in, or the one nearest to x; `away`: from its centre to x, in cells.
+std::array<int, 3> cell_of(const Vec& x, const Vec& low, double cell, const std::array<int, 3>& cells, Vec& away) {
+    const Vec relative = (1 / cell) * (x - low);
+    std::array<int, 3> at;
+    for (int d = 0; d < 3; ++d) {
+        at[d] = int(std::clamp(relative[d], 0.0, cells[d] - 0.5));
+        away[d] = relative[d] - (at[d] + 0.5);
+    }
+    return at;
+}
+
+std::size_t index_of(const std::array<int, 3>& at, const std::array<int, 3>& cells) {
+    return (std::size_t(at[2]) * cells[1] + at[1]) * cells[0] + at[0];
+}
+
+/// Cell of the coarse grid.
+std::size_t coarse_cell(const DistanceMesh& mesh, const Vec& x, Vec& away) {
+    return index_of(cell_of(x, mesh.grid_low, mesh.cell, mesh.cells, away), mesh.cells);
+}
+
+/// Whether the field's 3x3x3 cells around x are all there.
+bool inside_grid(const DistanceMesh& mesh, const Vec& x) {
+    for (int d = 0; d < 3; ++d) {
+        const double at = (x[d] - mesh.grid_low[d]) / mesh.cell;
+        if (!(at >= 1 && at < mesh.cells[d] - 1)) return false;
+    }
+    return true;
+}
+
+/// Splines over what value(index of a cell) says of the coarse grid's cells.
+template <class Value>
+Field coarse_field(const DistanceMesh& mesh, std::size_t middle, const Vec& away, double band, Value value) {
+    const std::size_t up = std::size_t(mesh.cells[0]), deep = up * mesh.cells[1];
+    const std::size_t first = middle - deep - up - 1;
+    return spline_field(away, mesh.cell, band,
+                        [&](int i, int j, int k) { return double(value(first + k * deep + j * up + i)); });
+}
+
+Field exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
+    const MeshPoint p = signed_point(mesh, nearest_triangle(mesh, x, guess));
+    return {p.distance, p.normal, Mat3<double>::zero()};
+}
+
+constexpr int brick_cells = 8, brick_edge = brick_cells + 2;  ///< a brick knows its neighbours' outermost cells
+
+/// Splines over fine cells; exact where there are none.
+Field fine_field(const DistanceMesh& mesh, const Vec& x, double band, int guess) {
+    const Fine& fine = mesh.fine;
+    if (fine.cell <= 0) return exact_field(mesh, x, guess);
+    const Vec relative = (1 / fine.cell) * (x - mesh.grid_low);
+    std::array<int, 3> cell, brick;
+    Vec away;
+    for (int d = 0; d < 3; ++d) {
+        cell[d] = int(relative[d]);
+        brick[d] = cell[d] / brick_cells;
+        if (!(relative[d] >= 0 && brick[d] < fine.bricks[d])) return exact_field(mesh, x, guess);
+        away[d] = relative[d] - (cell[d] + 0.5);
+        cell[d] -= brick_cells * brick[d];
+    }
+    const int index = fine.brick[index_of(brick, fine.bricks)];
+    if (index < 0) return exact_field(mesh, x, guess);
+    const float* first = &fine.distance[std::size_t(index) * brick_edge * brick_edge * brick_edge];
+    return spline_field(away, fine.cell, band, [&](int i, int j, int k) {
+        return double(first[((cell[2] + k) * brick_edge + cell[1] + j) * brick_edge + cell[0] + i]);
+    });
+}
+
+/// a + w (b - a).
+Field blend(const Field& a, const Field& b, const Field& w) {
+    const double d = b.value - a.value;
+    const Vec dg = b.gradient - a.gradient;
+    return {
+        a.value + w.value * d, a.gradient + w.value * dg + d * w.gradient,
+        a.hessian + w.value * (b.hessian - a.hessian) + outer(w.gradient, dg) + outer(dg, w.gradient) + d * w.hessian};
+}
+
+/// Near the surface, distance over the length of its gradient: smoothing makes that shorter than one at rims and thin
+/// walls, and a force along it would not be as large as its multiplier says. psi = phi (1 + w q): w falls from one at
+/// the surface to zero `band` away from it, q = 1 / sqrt(m) - 1 with m = |grad phi|^2, which short gradients do not let
+/// vanish. The normal is the gradient of psi, of length one where psi = 0.
+MeshPoint of_unit_slope(const Field& f, double band) {
+    const double u = f.value / band;
+    if (!(std::abs(u) < 1)) return {f.value, f.gradient};
+    constexpr double least = 0.16;
+    const double s = dot(f.gradient, f.gradient);
+    const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
+    const double q = 1 / std::sqrt(m) - 1, dq = -0.5 * dm / (m * std::sqrt(m));
+    const double w = (1 - u * u) * (1 - u * u), dw = -4 * u * (1 - u * u) / band;
+    return {f.value * (1 + w * q),
+            (1 + w * q + f.value * dw * q) * f.gradient + (2 * f.value * w * dq) * (f.hessian * f.gradient)};
+}
+
+MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x) {
+    Vec away;
+    const std::size_t middle = coarse_cell(mesh, x, away);
+    const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[middle];
+    const double band = 0.5 * mesh.cell, all = 1e300;
+    auto coarse = [&](double within) {
+        return coarse_field(mesh, middle, away, within, [&](auto i) { return mesh.grid[i].distance; });
+    };
+    auto share = [&](unsigned char mark) {
+        return coarse_field(mesh, middle, away, all, [&](auto i) { return (mesh.fine.wall[i] & mark) != 0; });
+    };
+    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(band), band);
+    const int guess = mesh.grid[middle].triangle;
+    const bool mixed = !(kind & Fine::all_thin) || (kind & Fine::some_thinnest);
+    Field at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
+    if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
+        at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
+    if (!(kind & Fine::all_thin)) at = blend(coarse(all), at, share(Fine::thin));
+    return of_unit_slope(at, band);
+}
+
+void set_grid(DistanceMesh& mesh, double smoothing) {
+    std::array<Vec, 2> box{Vec{1e300, 1e300, 1e300}, Vec{-1e300, -1e300, -1e300}};
+    double longest = 0;
+    for (int d = 0; d < 3; ++d) {
+        for (const Point& p : mesh.surface.vertices)
+            box[0][d] = std::min(box[0][d], p[d]), box[1][d] = std::max(box[1][d], p[d]);
+        longest = std::max(longest, box[1][d] - box[0][d]);
+    }
+    const double margin = 3 * contact_band;
+    mesh.smooth = smoothing != 0;
+    mesh.cell = std::max(smoothing > 0 ? smoothing : (longest + 2 * margin) / 48, (longest + 2 * margin) / 128);
+    for (int d = 0; d < 3; ++d) {
+        mesh.grid_low[d] = box[0][d] - margin;
+        mesh.cells[d] = int(std::ceil((box[1][d] - box[0][d] + 2 * margin) / mesh.cell));
+    }
+    std::vector<DistanceMesh::Cell> grid;
+    grid.reserve(std::size_t(mesh.cells[0]) * mesh.cells[1] * mesh.cells[2]);
+    for (int k = 0; k < mesh.cells[2]; ++k)
+        for (int j = 0; j < mesh.cells[1]; ++j)
+            for (int i = 0; i < mesh.cells[0]; ++i) {
+                const Found f = nearest_triangle(mesh, mesh.grid_low + mesh.cell * Vec{i + 0.5, j + 0.5, k + 0.5}, 0);
+                grid.push_back({float(signed_point(mesh, f).distance), f.triangle});
+            }
+    mesh.grid = std::move(grid);
+}
+
+/// Calls visit(index) for the cells at most `reach` cells from the one at `at`.
+template <class Visit>
+void for_each_neighbour(const DistanceMesh& mesh, const std::array<int, 3>& at, int reach, Visit visit) {
+    std::array<int, 3> low, high;
+    for (int d = 0; d < 3; ++d)
+        low[d] = std::max(at[d] - reach, 0), high[d] = std::min(at[d] + reach, mesh.cells[d] - 1);
+    for (int k = low[2]; k <= high[2]; ++k)
+        for (int j = low[1]; j <= high[1]; ++j)
+            for (int i = low[0]; i <= high[0]; ++i) visit(index_of({i, j, k}, mesh.cells));
+}
+
+/// Marks the cells around a wall's points: within a cell of them the coarse field has no say.
+void mark(DistanceMesh& mesh, const std::vector<WallPoint>& walls, double thinner_than, unsigned char kind) {
+    for (const WallPoint& w : walls) {
+        if (w.thickness >= thinner_than) continue;
+        Vec away;
+        const std::array<int, 3> at = cell_of(w.point, mesh.grid_low, mesh.cell, mesh.cells, away);
+        for_each_neighbour(mesh, at, 2, [&](std::size_t i) { mesh.fine.wall[i] |= kind; });
+    }
+}
+
+/// Which cells have marked ones around them, or none but marked ones.
+void summarise_marks(DistanceMesh& mesh) {
+    for (int k = 0; k < mesh.cells[2]; ++k)
+        for (int j = 0; j < mesh.cells[1]; ++j)
+            for (int i = 0; i < mesh.cells[0]; ++i) {
+                unsigned char some = 0, all = Fine::thin | Fine::thinnest;
+                for_each_neighbour(mesh, {i, j, k}, 1,
+                                   [&](std::size_t n) { some |= mesh.fine.wall[n], all &= mesh.fine.wall[n]; });
+                unsigned char& own = mesh.fine.wall[index_of({i, j, k}, mesh.cells)];
+                own |= (some & Fine::thin ? Fine::some_thin : 0) | (all & Fine::thin ? Fine::all_thin : 0) |
+                       (some & Fine::thinnest ? Fine::some_thinnest : 0) |
+                       (all & Fine::thinnest ? Fine::all_thinnest : 0);
+            }
+}
+
+/// Where bricks of fine cells are needed: near the surface, at thin walls that they resolve. False: too many.
+bool choose_bricks(DistanceMesh& mesh, std::vector<Vec>& corners) {
+    Fine& fine = mesh.fine;
+    const double edge = brick_cells * fine.cell;
+    for (int d = 0; d < 3; ++d) fine.bricks[d] = int(std::ceil(mesh.cells[d] * mesh.cell / edge));
+    if (double(fine.bricks[0]) * fine.bricks[1] * fine.bricks[2] > 1e7) return false;
+    fine.brick.assign(std::size_t(fine.bricks[0]) * fine.bricks[1] * fine.bricks[2], -1);
+    for (int k = 0; k < fine.bricks[2]; ++k)
+        for (int j = 0; j < fine.bricks[1]; ++j)
+            for (int i = 0; i < fine.bricks[0]; ++i) {
+                const Vec low = mesh.grid_low + edge * Vec{double(i), double(j), double(k)};
+                const Vec middle = low + 0.5 * edge * Vec{1, 1, 1};
+                Vec away;
+                const DistanceMesh::Cell& near = mesh.grid[coarse_cell(mesh, middle, away)];
+                const double reach = 0.87 * edge + 2 * fine.cell;
+                if (std::abs(near.distance) > reach + mesh.cell * norm(away)) continue;
+                bool thin = false, resolved = false;  // in some cell that the brick reaches into
+                const int around = int(std::ceil(0.5 * edge / mesh.cell));
+                for_each_neighbour(mesh, cell_of(middle, mesh.grid_low, mesh.cell, mesh.cells, away), around,
+                                   [&](std::size_t n) {
+                                       thin |= (mesh.fine.wall[n] & Fine::some_thin) != 0;
+                                       resolved |= !(mesh.fine.wall[n] & Fine::all_thinnest);
+                                   });
+                if (!thin || !resolved) continue;
+                const MeshPoint exact = signed_point(mesh, nearest_triangle(mesh, middle, near.triangle));
+                const Vec& n = exact.normal;  // as wide as the brick is along it
+                const double half = 0.5 * edge * (std::abs(n.x) + std::abs(n.y) + std::abs(n.z)) + 2 * fine.cell;
+                if (std::abs(exact.distance) > half) continue;
+                if (int(corners.size()) == most_bricks) return false;
+                fine.brick[index_of({i, j, k}, fine.bricks)] = int(corners.size());
+                corners.push_back(low);
+            }
+    return true;
+}
+
+void fill_bricks(DistanceMesh& mesh, const std::vector<Vec>& corners) {
+    constexpr std::size_t size = std::size_t(brick_edge) * brick_edge * brick_edge;
+    Fine& fine = mesh.fine;
+    fine.distance.resize(corners.size() * size);
+    oneapi::tbb::parallel_for(0, int(corners.size()), [&](int brick) {
+        float* out = &fine.distance[brick * size];
+        int guess = 0;
+        for (int k = 0; k < brick_edge; ++k)
+            for (int j = 0; j < brick_edge; ++j)
+                for (int i = 0; i < brick_edge; ++i) {
+                    const Found f =
+                        nearest_triangle(mesh, corners[brick] + fine.cell * Vec{i - 0.5, j - 0.5, k - 0.5}, guess);
+                    guess = f.triangle;
+                    *out++ = float(signed_point(mesh, f).distance);
+                }
+    });
+}
+
+/// Finer cells where walls are thin: as fine as the thinner walls ask for; still thinner ones are exact, and so are all
+/// thin ones where that would be too many cells.
+void refine_walls(DistanceMesh& mesh) {
+    std::vector<WallPoint> walls = thin_walls(mesh, 0.5 * mesh.cell, resolved * mesh.cell);
+    if (walls.empty()) return;
+    std::sort(walls.begin(), walls.end(), [](auto& a, auto& b) { return a.thickness < b.thickness; });
+    Fine& fine = mesh.fine;
+    fine.thinnest_wall = walls[walls.size() / 100].thickness;
+    fine.cell = walls[walls.size() / 4].thickness / well_resolved;
+    fine.wall.assign(mesh.grid.size(), 0);
+    mark(mesh, walls, 1e300, Fine::thin);
+    mark(mesh, walls, resolved * fine.cell, Fine::thinnest);
+    summarise_marks(mesh);
+    std::vector<Vec> corners;
+    if (choose_bricks(mesh, corners)) return fill_bricks(mesh, corners);
+    fine.cell = 0;
+    fine.bricks = {0, 0, 0};
+    fine.brick.clear();
+}
+
+}  // namespace
+
+void build_field(DistanceMesh& mesh, double smoothing) {
+    set_grid(mesh, smoothing);
+    if (mesh.smooth) refine_walls(mesh);
+}
+
+MeshPoint mesh_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
+    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
+    Vec away;
+    return signed_point(mesh, nearest_triangle(mesh, x, mesh.grid[coarse_cell(mesh, x, away)].triangle));
+}
+
+MeshPoint mesh_contact_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
+    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
+    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
+    Vec away;
+    const DistanceMesh::Cell& cell = mesh.grid[coarse_cell(mesh, x, away)];
+    const double least = cell.distance - mesh.cell * norm(away) - 1e-6;
+    if (least > contact_band) {
+        const double length = norm(away);
+        return {least, length > 0 ? (1 / length) * away : Vec{0, 0, 1}};
+    }
+    return signed_point(mesh, nearest_triangle(mesh, x, cell.triangle));
+}
+
+MeshPoint mesh_surface_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
+    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
+    return mesh_distance(mesh, x);
+}
+
+}  // namespace palpate

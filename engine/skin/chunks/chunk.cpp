@@ -1,0 +1,274 @@
+#include "engine/skin/chunks/chunk.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <stdexcept>
+
+#include "engine/skin/chunks/fields.h"
+
+namespace palpate {
+
+namespace {
+
+double value_at(const std::vector<double>& values, std::size_t i) {
+    return values.size() == 1 ? values[0] : values.at(i);
+}
+
+constexpr int first_slots = 4;  ///< objects near a lane for which there is memory from the start
+
+}  // namespace
+
+template <class T>
+void resize_fields(SkinChunk<T>& c) {
+    ContactSlots& s = c.contacts;
+    s.slot.resize(std::size_t(s.capacity));
+    s.lane_contact.resize(std::size_t(s.capacity * c.width));
+    for_each_field(c, [&](auto& array, const Field& f) {
+        array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),
+                     typename std::remove_reference_t<decltype(array)>::value_type(f.first));
+    });
+}
+
+template <class T>
+void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
+                    bool has_friction, int object_count, bool has_bodies) {
+    c.topology = std::move(topology);
+    c.width = c.contacts.width = width;
+    c.contacts.capacity = std::min(object_count, first_slots);
+    c.has_limits = has_limits;
+    c.has_friction = has_friction && object_count > 0;
+    c.has_bodies = has_bodies;
+    c.finger.assign(std::size_t(width), -1);
+    c.status.assign(std::size_t(width), {});
+    resize_fields(c);
+}
+
+template <class T>
+void allocate_linear_tissue(SkinChunk<T>& c) {
+    c.linear.pairs = tissue_pairs(*c.topology);
+    resize_fields(c);
+}
+
+namespace {
+
+constexpr double origin_grid = 1.0 / 64;  ///< [m]; a power of two, so that moving an origin rounds little
+
+Vec3<double> nearest_origin(const Vec3<double>& bone) {
+    Vec3<double> origin;
+    for (int d = 0; d < 3; ++d) origin[d] = origin_grid * std::round(bone[d] / origin_grid);
+    return origin;
+}
+
+/// What a squared change of an element's deformation gradient adds to contact forces beyond their linearisation, per
+/// volume [N/m^3]. The second derivative of the corotational stress is of the size of the moduli; that of neighbours
+/// mostly cancels, and skin gives way to the rest: a tenth is what was seen to bound the error of contact forces.
+double linear_error_weight(const Eigen::Matrix3d& shape_gradients, double mu, double lambda) {
+    const Eigen::Vector3d first = -shape_gradients.colwise().sum();
+    return (mu + lambda / 2) / 10 * (shape_gradients.rowwise().norm().sum() + first.norm());
+}
+
+/// Rest data of the elements of one lane; adds up the nodes' masses.
+template <class T>
+void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
+    const int W = c.width;
+    const SkinTopology& t = *c.topology;
+    auto node = [&](int i) { return Eigen::Map<const Eigen::Vector3d>(p.mesh->nodes[i].data()); };
+    std::vector<double> mass(t.node_count, 0.0);
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        const auto& tet = t.elements[e];
+        Eigen::Matrix3d D;
+        for (int a = 1; a < 4; ++a) D.col(a - 1) = node(tet[a]) - node(tet[0]);
+        const double volume = std::abs(D.determinant()) / 6;
+        const Eigen::Matrix3d G = D.inverse();
+        for (int i = 0; i < 9; ++i) c.rest.shape_gradients[(9 * e + i) * W + lane] = T(G(i / 3, i % 3));
+        c.rest.volume[e * W + lane] = T(volume);
+        const std::size_t m = t.mesh_element[e];
+        const double E = value_at(p.young_modulus, m), nu = p.poisson_ratio;
+        c.rest.mu[e * W + lane] = T(E / (2 * (1 + nu)));
+        c.rest.lambda[e * W + lane] = T(E * nu / ((1 + nu) * (1 - 2 * nu)));
+        if (c.has_limits) {
+            // A finger without limits in a chunk with them gets bounds that are never met.
+            c.rest.limit_low[e * W + lane] = T(p.has_limits ? value_at(p.limit_low, m) : 1e-3);
+            c.rest.limit_high[e * W + lane] = T(p.has_limits ? value_at(p.limit_high, m) : 1e3);
+            c.rest.limit_penalty[e * W + lane] = T(p.limit_penalty_factor * E);
+        }
+        for (int a : tet) mass[a] += p.density * volume / 4;
+        if (!c.linear.weight.empty())
+            c.linear.weight[e * W + lane] =
+                T(volume * linear_error_weight(G, E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))));
+        for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
+    }
+    c.skin_mass[lane] = c.skin_inertia[lane] = 0;
+    for (int i = 0; i < t.node_count; ++i) {
+        c.rest.mass[i * W + lane] = T(mass[i]);
+        c.skin_mass[lane] += mass[i];
+        c.skin_inertia[lane] += 2.0 / 3 * mass[i] * node(i).squaredNorm();
+    }
+}
+
+/// Sphere around the samples at rest.
+Sphere sphere_around(const TetMesh& mesh, const std::vector<int>& samples) {
+    Eigen::AlignedBox3d box;
+    for (int node : samples) box.extend(Eigen::Map<const Eigen::Vector3d>(mesh.nodes[node].data()));
+    const Eigen::Vector3d c = box.center();
+    return {{c.x(), c.y(), c.z()}, box.diagonal().norm() / 2};
+}
+
+}  // namespace
+
+template <class T>
+void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, const Pose<double>& bone) {
+    const SkinTopology& t = *c.topology;
+    const int W = c.width;
+    c.finger[lane] = finger;
+    c.used_lanes |= 1u << lane;
+    set_elements(c, lane, p);
+    double volume = 0, E = 0;
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        volume += c.rest.volume[e * W + lane];
+        E += value_at(p.young_modulus, t.mesh_element[e]) * c.rest.volume[e * W + lane];
+    }
+    const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
+    for (std::size_t s = 0; s < t.sample_count(); ++s)
+        c.rest.contact_penalty[s * W + lane] = T(p.contact_penalty_factor * E / volume * spacing);
+    double farthest = 0;
+    for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));
+    c.rest.extent[lane] = T(farthest);
+    c.rest.tissue_stiffness[lane] = T(5 * E / volume * spacing);
+    const double nu = p.poisson_ratio, lambda = nu / ((1 + nu) * (1 - 2 * nu));  // over Young's modulus
+    c.rest.rounding_stiffness[lane] = T(std::max(5.0, 3 * lambda - 5) * E / volume * spacing);
+    c.rest_reach[lane] = sphere_around(*p.mesh, t.samples);
+    const Vec3<double> origin = nearest_origin(bone.position);
+    for (int d = 0; d < 3; ++d) c.state.origin[d * W + lane] = origin[d];
+    for (int i = 0; i < t.node_count; ++i) {
+        const Point& r = p.mesh->nodes[i];
+        const Vec3<double> x = transform(bone, Vec3<double>{r[0], r[1], r[2]}) - origin;
+        for (int d = 0; d < 3; ++d) {
+            c.rest.rest_position[(3 * i + d) * W + lane] = T(r[d]);
+            c.state.position[(3 * i + d) * W + lane] = T(x[d]);
+        }
+    }
+    const Vec3<double> b = bone.position - origin;
+    const double values[7] = {b.x, b.y, b.z, bone.rotation.w, bone.rotation.x, bone.rotation.y, bone.rotation.z};
+    for (int i = 0; i < 7; ++i) c.state.bone[i * W + lane] = T(values[i]);
+}
+
+template <class T>
+void set_contact_areas(SkinChunk<T>& c, int lane, const TetMesh& mesh) {
+    const SkinTopology& t = *c.topology;
+    const std::vector<double> area = nodal_areas(mesh);
+    const std::size_t S = t.sample_count();
+    c.has_soft_objects = true;
+    resize_fields(c);
+    // Samples between nodes take their part of the area around them.
+    const double share = double(t.samples.size()) / double(S);
+    for (std::size_t s = 0; s < S; ++s) {
+        double a = 0;
+        if (s < t.samples.size())
+            a = area[std::size_t(t.samples[s])];
+        else
+            for (int k = 0; k < 3; ++k) {
+                const FaceSample& f = t.face_samples[s - t.samples.size()];
+                a += f.weight[k] * area[std::size_t(f.node[k])];
+            }
+        c.rest.contact_area[s * std::size_t(c.width) + std::size_t(lane)] = T(share * a);
+    }
+}
+
+template <class T>
+void set_lane_friction(SkinChunk<T>& c, int lane, int object, double friction, const std::vector<double>& objects) {
+    const auto W = std::size_t(c.width);
+    LaneArray<T>& all = c.rest.object_friction;
+    if (all.empty()) {
+        c.own_frictions = int(objects.size());
+        resize_fields(c);
+        for (std::size_t i = 0; i < all.size(); ++i) all[i] = T(objects[i / W]);
+    }
+    all[std::size_t(object) * W + std::size_t(lane)] = T(friction);
+}
+
+template <class T>
+void leave_linear_tissue(SkinChunk<T>& c, unsigned lanes) {
+    c.linear_lanes &= ~lanes;
+    c.linear.kept_lanes &= ~lanes;
+    c.linear.fresh_lanes &= ~lanes;
+}
+
+template <class T>
+void rebase_lane(SkinChunk<T>& c, int lane) {
+    const int W = c.width;
+    bool far = false;
+    for (int d = 0; d < 3; ++d) far |= !(std::abs(double(c.state.bone[d * W + lane])) < 1.5 * origin_grid);
+    if (!far) return;
+    const Pose<double> bone = lane_bone(c, lane);
+    if (!std::isfinite(dot(bone.position, bone.position))) return;
+    const Vec3<double> old = lane_origin(c, lane), origin = nearest_origin(bone.position);
+    for (int d = 0; d < 3; ++d) {
+        c.state.origin[d * W + lane] = origin[d];
+        const double shift = old[d] - origin[d];
+        auto move = [&](T& x) { x = T(double(x) + shift); };
+        move(c.state.bone[d * W + lane]);
+        for (int i = 0; i < c.topology->node_count; ++i) move(c.state.position[(3 * i + d) * W + lane]);
+    }
+}
+
+template <class T>
+Vec3<double> lane_origin(const SkinChunk<T>& c, int lane) {
+    return {c.state.origin[lane], c.state.origin[c.width + lane], c.state.origin[2 * c.width + lane]};
+}
+
+template <class T>
+Vec3<double> node_position(const SkinChunk<T>& c, int node, int lane) {
+    if ((c.rigid_lanes >> lane) & 1u) {
+        Vec3<double> rest;
+        for (int d = 0; d < 3; ++d) rest[d] = double(c.rest.rest_position[(3 * node + d) * c.width + lane]);
+        return transform(lane_bone(c, lane), rest);
+    }
+    Vec3<double> x = lane_origin(c, lane);
+    for (int d = 0; d < 3; ++d) x[d] += double(c.state.position[(3 * node + d) * c.width + lane]);
+    return x;
+}
+
+template <class T>
+Pose<double> lane_bone(const SkinChunk<T>& c, int lane) {
+    auto b = [&](int i) { return double(c.state.bone[i * c.width + lane]); };
+    return {lane_origin(c, lane) + Vec3<double>{b(0), b(1), b(2)}, {b(3), b(4), b(5), b(6)}};
+}
+
+template <class T>
+void fill_empty_lanes(SkinChunk<T>& c) {
+    const int W = c.width;
+    for_each_field(c, [&](auto& a, const Field&) {
+        for (std::size_t i = 0; i + W <= a.size(); i += W)
+            for (int l = 0; l < W; ++l)
+                if (!((c.used_lanes >> l) & 1u)) a[i + l] = a[i];
+    });
+}
+
+template <class T>
+std::size_t memory_bytes(const SkinChunk<T>& c) {
+    std::size_t bytes = sizeof(c);
+    for_each_field(const_cast<SkinChunk<T>&>(c),
+                   [&](const auto& a, const Field&) { bytes += a.size() * sizeof(a[0]); });
+    return bytes;
+}
+
+#define PALPATE_INSTANTIATE(T)                                                                                    \
+    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool); \
+    template void allocate_linear_tissue(SkinChunk<T>&);                                                          \
+    template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                  \
+    template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                          \
+    template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                 \
+    template void resize_fields(SkinChunk<T>&);                                                                   \
+    template void leave_linear_tissue(SkinChunk<T>&, unsigned);                                                   \
+    template void rebase_lane(SkinChunk<T>&, int);                                                                \
+    template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \
+    template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                           \
+    template Pose<double> lane_bone(const SkinChunk<T>&, int);                                                    \
+    template void fill_empty_lanes(SkinChunk<T>&);                                                                \
+    template std::size_t memory_bytes(const SkinChunk<T>&);
+PALPATE_INSTANTIATE(double)
+PALPATE_INSTANTIATE(float)
+#undef PALPATE_INSTANTIATE
+
+}  // namespace palpate

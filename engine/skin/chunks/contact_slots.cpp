@@ -1,0 +1,161 @@
+#include "engine/skin/chunks/contact_slots.h"
+
+#include <algorithm>
+
+#include "engine/skin/chunks/fields.h"
+
+namespace palpate {
+
+namespace {
+
+/// Calls visit(numbers, count, stride) for what a finger keeps of one slot of a lane: number i is numbers[i * width].
+template <class T, class Visit>
+void for_each_kept(SkinChunk<T>& c, int lane, int slot, Visit visit) {
+    for_each_field(c, [&](auto& array, const Field& f) {
+        if (f.owner != Owner::slot || !stays_with_finger(f) || f.size == 0) return;
+        visit(array.data() + std::size_t(slot) * f.size * std::size_t(c.width) + lane, f.size);
+    });
+}
+
+/// What a slot of a lane holds goes to another slot of it.
+template <class T>
+void shift_contact(SkinChunk<T>& c, int lane, int from, int to) {
+    const std::ptrdiff_t slots = to - from, W = c.width;
+    for_each_kept(c, lane, from, [&](auto* numbers, std::size_t count) {
+        const std::ptrdiff_t away = slots * std::ptrdiff_t(count) * W;
+        for (std::size_t i = 0; i < count; ++i, numbers += W) numbers[away] = *numbers;
+    });
+    c.contacts.at(to, lane) = c.contacts.at(from, lane);
+}
+
+template <class T>
+void clear_contact(SkinChunk<T>& c, int lane, int slot) {
+    for_each_kept(c, lane, slot, [&](auto* numbers, std::size_t count) {
+        for (std::size_t i = 0; i < count; ++i, numbers += c.width) *numbers = 0;
+    });
+    c.contacts.at(slot, lane) = {};
+}
+
+template <class T>
+bool reserve_contacts(SkinChunk<T>& c, int count) {
+    ContactSlots& s = c.contacts;
+    if (count <= s.capacity) return false;
+    s.capacity = std::max(count, s.capacity + std::max(2, s.capacity / 2));
+    resize_fields(c);
+    return true;
+}
+
+}  // namespace
+
+template <class T>
+bool insert_contact(SkinChunk<T>& c, int lane, int slot, const LaneContact& contact) {
+    ContactSlots& s = c.contacts;
+    int& count = s.count[std::size_t(lane)];
+    const bool grew = reserve_contacts(c, count + 1);
+    for (int k = count; k > slot; --k) shift_contact(c, lane, k - 1, k);
+    clear_contact(c, lane, slot);
+    s.at(slot, lane) = contact;
+    ++count;
+    return grew;
+}
+
+template <class T>
+void erase_contact(SkinChunk<T>& c, int lane, int slot) {
+    int& count = c.contacts.count[std::size_t(lane)];
+    for (int k = slot; k + 1 < count; ++k) shift_contact(c, lane, k + 1, k);
+    clear_contact(c, lane, --count);
+}
+
+template <class T>
+void move_contacts(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
+    int &from = a.contacts.count[std::size_t(lane_a)], &to = b.contacts.count[std::size_t(lane_b)];
+    reserve_contacts(b, from);
+    for_each_field_of_both(a, b, [&](auto& of_a, auto& of_b, const Field& f) {
+        if (f.owner != Owner::slot || !stays_with_finger(f)) return;
+        for (std::size_t i = 0; i < std::size_t(from) * f.size; ++i)
+            of_b[i * std::size_t(b.width) + std::size_t(lane_b)] = of_a[i * std::size_t(a.width) + std::size_t(lane_a)];
+    });
+    for (int slot = 0; slot < from; ++slot) {
+        b.contacts.at(slot, lane_b) = a.contacts.at(slot, lane_a);
+        clear_contact(a, lane_a, slot);
+    }
+    to = from;
+    from = 0;
+}
+
+template <class T>
+void begin_slots(SkinChunk<T>& c) {
+    ContactSlots& s = c.contacts;
+    const int W = c.width;
+    s.used = *std::max_element(s.count.begin(), s.count.begin() + W);
+    auto& w = c.scratch;
+    for (int slot = 0; slot < s.used; ++slot) {
+        ContactSlot& all = s.slot[std::size_t(slot)] = {};
+        for (int lane = 0; lane < W; ++lane) {
+            const LaneContact& o = s.at(slot, lane);
+            const bool here = o.object >= 0, soft = here && o.stiffness > 0;
+            const std::size_t i = std::size_t(slot * W + lane);
+            w.slot_kind[i] = T(here ? int(o.shape.kind) : -1);
+            for (int d = 0; d < 3; ++d) w.slot_size[std::size_t((3 * slot + d) * W + lane)] = T(o.shape.size[d]);
+            w.slot_friction[i] = T(o.friction);
+            w.slot_stiffness[i] = T(o.stiffness);
+            w.slot_body[i] = T(here && o.body >= 0);
+            if (!here) continue;
+            const unsigned bit = 1u << lane;
+            all.lanes |= bit;
+            all.of_kind[std::size_t(o.shape.kind)] |= bit;
+            if (o.body >= 0) all.body_lanes |= bit;
+            if (soft) all.soft_lanes |= bit;
+            all.friction |= c.has_friction && o.friction > 0;
+        }
+    }
+    place_slots(c);
+}
+
+template <class T>
+void place_slots(SkinChunk<T>& c) {
+    const int W = c.width;
+    for (int slot = 0; slot < c.contacts.used; ++slot)
+        for (int lane = 0; lane < W; ++lane) {
+            const LaneContact& o = c.contacts.at(slot, lane);
+            if (o.object < 0) continue;
+            T* out = &c.scratch.slot_frame[24 * std::size_t(slot) * W + std::size_t(lane)];
+            for (const Pose<double>* pose : {&o.pose, &o.start}) {
+                const Mat3<double> R = rotation_matrix(pose->rotation);
+                for (int i = 0; i < 12; ++i)
+                    out[i * W] =
+                        T(i < 9 ? R.m[i / 3][i % 3] : pose->position[i - 9] - c.state.origin[(i - 9) * W + lane]);
+                out += 12 * W;
+            }
+        }
+}
+
+template <class T>
+unsigned near_lanes(const SkinChunk<T>& c) {
+    unsigned lanes = 0;
+    for (int lane = 0; lane < c.width; ++lane)
+        if (c.contacts.count[std::size_t(lane)] > 0) lanes |= 1u << lane;
+    return lanes;
+}
+
+template <class T>
+bool near_a_body(const SkinChunk<T>& c) {
+    for (int lane = 0; lane < c.width; ++lane)
+        for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+            if (c.contacts.at(slot, lane).body >= 0) return true;
+    return false;
+}
+
+#define PALPATE_INSTANTIATE(T)                                                 \
+    template bool insert_contact(SkinChunk<T>&, int, int, const LaneContact&); \
+    template void erase_contact(SkinChunk<T>&, int, int);                      \
+    template void move_contacts(SkinChunk<T>&, int, SkinChunk<T>&, int);       \
+    template void begin_slots(SkinChunk<T>&);                                  \
+    template void place_slots(SkinChunk<T>&);                                  \
+    template unsigned near_lanes(const SkinChunk<T>&);                         \
+    template bool near_a_body(const SkinChunk<T>&);
+PALPATE_INSTANTIATE(double)
+PALPATE_INSTANTIATE(float)
+#undef PALPATE_INSTANTIATE
+
+}  // namespace palpate

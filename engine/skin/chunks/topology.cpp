@@ -1,0 +1,252 @@
+#include "engine/skin/chunks/topology.h"
+
+#include "engine/math/linear_algebra.h"
+
+#include <Eigen/OrderingMethods>
+#include <Eigen/SparseCore>
+#include <algorithm>
+#include <map>
+#include <set>
+
+namespace palpate {
+
+int BlockPattern::find(int r, int column) const {
+    const auto begin = row.begin() + column_start[column], end = row.begin() + column_start[column + 1];
+    const auto it = std::lower_bound(begin, end, r);
+    return it != end && *it == r ? static_cast<int>(it - row.begin()) : -1;
+}
+
+BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency) {
+    const int n = static_cast<int>(adjacency.size());
+    std::vector<std::set<int>> below(n);
+    for (int i = 0; i < n; ++i)
+        for (int j : adjacency[i])
+            if (j > i) below[i].insert(j);
+    for (int j = 0; j < n; ++j)  // eliminating j couples everything below it
+        if (!below[j].empty()) {
+            const int parent = *below[j].begin();
+            below[parent].insert(std::next(below[j].begin()), below[j].end());
+        }
+    BlockPattern p;
+    p.columns = n;
+    p.column_start.push_back(0);
+    for (int j = 0; j < n; ++j) {
+        p.row.push_back(j);
+        p.row.insert(p.row.end(), below[j].begin(), below[j].end());
+        p.column_start.push_back(static_cast<int>(p.row.size()));
+    }
+    p.block_count = static_cast<int>(p.row.size());
+
+    return p;
+}
+
+void add_updates(BlockPattern& p) {
+    std::vector<std::vector<std::array<int, 2>>> updates(p.block_count);
+    for (int k = 0; k < p.columns; ++k)
+        for (int b = p.column_start[k] + 1; b < p.column_start[k + 1]; ++b)
+            for (int a = b; a < p.column_start[k + 1]; ++a) updates[p.find(p.row[a], p.row[b])].push_back({a, b});
+    p.update_start.push_back(0);
+    for (const auto& list : updates) {
+        for (auto [a, b] : list) {
+            p.update_a.push_back(a);
+            p.update_b.push_back(b);
+        }
+        p.update_start.push_back(static_cast<int>(p.update_a.size()));
+    }
+}
+
+namespace {
+
+using Adjacency = std::vector<std::vector<int>>;
+
+/// Graph of the nodes; nodes of one element are neighbours.
+Adjacency node_graph(const std::vector<std::array<int, 4>>& elements, int node_count) {
+    std::vector<std::set<int>> neighbours(node_count);
+    for (const auto& tet : elements)
+        for (int a : tet)
+            for (int b : tet)
+                if (a != b) neighbours[a].insert(b);
+    Adjacency graph;
+    for (const auto& set : neighbours) graph.emplace_back(set.begin(), set.end());
+    return graph;
+}
+
+/// Approximate minimum degree order of the nodes: position of each node.
+std::vector<int> minimum_degree_positions(const Adjacency& graph) {
+    const int n = static_cast<int>(graph.size());
+    std::vector<Eigen::Triplet<double>> entries;
+    for (int i = 0; i < n; ++i) {
+        entries.emplace_back(i, i, 1.0);
+        for (int j : graph[i]) entries.emplace_back(i, j, 1.0);
+    }
+    Eigen::SparseMatrix<double> matrix(n, n);
+    matrix.setFromTriplets(entries.begin(), entries.end());
+    Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
+    Eigen::AMDOrdering<int>()(matrix, order);
+    std::vector<int> position(n);
+    for (int k = 0; k < n; ++k) position[order.indices()[k]] = k;
+    return position;
+}
+
+/// Elimination positions: free nodes by minimum degree, then the bone.
+void order_unknowns(SkinTopology& t, const Adjacency& graph, const std::vector<bool>& in_bone) {
+    std::vector<int> free_number(t.node_count, -1);
+    for (int i = 0; i < t.node_count; ++i)
+        if (!in_bone[i]) {
+            free_number[i] = static_cast<int>(t.unknowns.size());
+            t.unknowns.push_back(i);
+        }
+    Adjacency free_graph;
+    for (int i : t.unknowns) {
+        auto& row = free_graph.emplace_back();
+        for (int j : graph[i])
+            if (!in_bone[j]) row.push_back(free_number[j]);
+    }
+    const std::vector<int> position = minimum_degree_positions(free_graph);
+    t.elimination.assign(t.node_count + 2, -1);
+    for (std::size_t u = 0; u < position.size(); ++u) t.elimination[t.unknowns[u]] = position[u];
+    for (int b : {t.bone_position, t.bone_rotation}) {
+        t.elimination[b] = static_cast<int>(t.unknowns.size());
+        t.unknowns.push_back(b);
+    }
+}
+
+/// The factor's pattern: free nodes that share an element, and the bone with every neighbour of its nodes.
+void build_pattern(SkinTopology& t, const Adjacency& graph, const std::vector<bool>& in_bone) {
+    Adjacency permuted(t.unknowns.size());
+    auto connect = [&](int a, int b) {
+        permuted[t.elimination[a]].push_back(t.elimination[b]);
+        permuted[t.elimination[b]].push_back(t.elimination[a]);
+    };
+    for (int i = 0; i < t.node_count; ++i)
+        for (int j : graph[i]) {
+            if (!in_bone[i] && !in_bone[j] && i < j) connect(i, j);
+            if (in_bone[i] && !in_bone[j])
+                for (int b : {t.bone_position, t.bone_rotation}) connect(j, b);
+        }
+    connect(t.bone_position, t.bone_rotation);
+    t.pattern = factor_pattern(permuted);
+    t.supernodes = build_supernodes(t.pattern);
+    t.block_count = t.pattern.block_count;
+}
+
+/// Blocks of bone nodes, after the pattern's.
+class BoneBlocks {
+  public:
+    explicit BoneBlocks(SkinTopology& topology) : t(topology) {}
+    /// Block (bone node a, node b).
+    int block(int a, int b) {
+        const auto [it, fresh] = number.try_emplace({a, b}, t.block_count);
+        if (!fresh) return it->second;
+        ++t.block_count;
+        if (t.elimination[b] < 0) {
+            t.bone_pairs.push_back({it->second, a, b});
+        } else {
+            auto find = [&](int row) { return t.pattern.find(t.elimination[row], t.elimination[b]); };
+            t.bone_edges.push_back({it->second, a, find(t.bone_position), find(t.bone_rotation)});
+        }
+        return it->second;
+    }
+
+  private:
+    SkinTopology& t;
+    std::map<std::pair<int, int>, int> number;
+};
+
+/// Points of a lattice on each face whose nodes all belong to the pad, and not to the bone; on edges, once.
+void refine_samples(SkinTopology& t, const TetMesh& mesh, int refinement) {
+    std::vector<int> sample_of(t.node_count, -1);
+    for (std::size_t s = 0; s < t.samples.size(); ++s)
+        if (t.elimination[t.samples[s]] >= 0) sample_of[t.samples[s]] = static_cast<int>(s);
+    std::set<std::array<std::pair<int, int>, 3>> seen;  // node and weight of each corner
+    for (const auto& face : mesh.surface) {
+        if (std::any_of(face.begin(), face.end(), [&](int node) { return sample_of[node] < 0; })) continue;
+        for (int i = 0; i <= refinement; ++i)
+            for (int j = 0; i + j <= refinement; ++j) {
+                const std::array<int, 3> weight{i, j, refinement - i - j};
+                if (std::count(weight.begin(), weight.end(), 0) == 2) continue;  // a node
+                std::array<std::pair<int, int>, 3> key;
+                for (int k = 0; k < 3; ++k) key[k] = weight[k] ? std::pair{face[k], weight[k]} : std::pair{-1, 0};
+                std::sort(key.begin(), key.end());
+                if (!seen.insert(key).second) continue;
+                FaceSample f;
+                for (int k = 0; k < 3; ++k) {
+                    f.node[k] = face[k];
+                    f.sample[k] = sample_of[face[k]];
+                    f.weight[k] = double(weight[k]) / refinement;
+                }
+                for (int k = 0, a = 0; a < 3; ++a)
+                    for (int b = 0; b <= a; ++b, ++k) {
+                        const int p = t.elimination[face[a]], q = t.elimination[face[b]];
+                        f.block[k] = t.pattern.find(std::max(p, q), std::min(p, q));
+                    }
+                t.face_samples.push_back(f);
+            }
+    }
+}
+
+}  // namespace
+
+SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_refinement) {
+    SkinTopology t;
+    t.node_count = static_cast<int>(mesh.nodes.size());
+    t.bone_position = t.node_count;
+    t.bone_rotation = t.node_count + 1;
+    t.bone_nodes = mesh.bone_nodes;
+    t.samples = mesh.pad_nodes;
+    std::vector<bool> in_bone(t.node_count, false);
+    for (int node : t.bone_nodes) in_bone[node] = true;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        const auto& tet = mesh.tets[e];
+        if (std::all_of(tet.begin(), tet.end(), [&](int a) { return in_bone[a]; })) continue;
+        t.mesh_element.push_back(static_cast<int>(e));
+        t.elements.push_back(tet);
+    }
+    const Adjacency graph = node_graph(t.elements, t.node_count);
+    order_unknowns(t, graph, in_bone);
+    build_pattern(t, graph, in_bone);
+    if (several_lanes) add_updates(t.pattern);
+
+    BoneBlocks bone(t);
+    auto order = [&](int node) { return in_bone[node] ? t.node_count + 2 + node : t.elimination[node]; };
+    auto block = [&](int a, int b) {  // a not before b
+        return in_bone[a] ? bone.block(a, b) : t.pattern.find(t.elimination[a], t.elimination[b]);
+    };
+    for (auto& tet : t.elements) {
+        std::sort(tet.begin(), tet.end(), [&](int a, int b) { return order(a) < order(b); });
+        auto& destinations = t.element_block.emplace_back();
+        for (int k = 0, a = 0; a < 4; ++a)
+            for (int b = 0; b <= a; ++b, ++k) destinations[k] = block(tet[a], tet[b]);
+    }
+    for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
+    for (int b : {t.bone_position, t.bone_rotation})
+        t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
+    if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);
+    t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
+    return t;
+}
+
+std::vector<TissuePair> tissue_pairs(const SkinTopology& t) {
+    std::map<int, TissuePair> pairs;
+    for (std::size_t e = 0; e < t.elements.size(); ++e)
+        for (int k = 0, i = 0; i < 4; ++i)
+            for (int j = 0; j <= i; ++j, ++k) {
+                const int a = t.elements[e][i], b = t.elements[e][j], block = t.element_block[e][k];
+                pairs.try_emplace(block, TissuePair{block, a, b});
+            }
+    std::vector<TissuePair> list;
+    for (const auto& [block, pair] : pairs) list.push_back(pair);
+    return list;
+}
+
+std::vector<double> nodal_areas(const TetMesh& mesh) {
+    std::vector<double> area(mesh.nodes.size(), 0.0);
+    auto at = [&](int i) { return Vec3<double>{mesh.nodes[i][0], mesh.nodes[i][1], mesh.nodes[i][2]}; };
+    for (const auto& t : mesh.surface) {
+        const double share = norm(cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]))) / 6;
+        for (int i : t) area[i] += share;
+    }
+    return area;
+}
+
+}  // namespace palpate

@@ -1,0 +1,93 @@
+#pragma once
+// What fingers of one archetype share: connectivity and the symbolic block Cholesky factor.
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "engine/skin/factor/supernodes.h"
+#include "meshes/tet_mesh.h"
+
+namespace palpate {
+
+/// Lower triangle of a symmetric matrix of 3x3 blocks after elimination-order permutation, stored by
+/// columns, with the update program of its Cholesky factor (add_updates). Blocks are numbered 0..block_count-1.
+struct BlockPattern {
+    int columns = 0;
+    int block_count = 0;
+    std::vector<int> column_start;  ///< [columns + 1] first block of each column: its diagonal block
+    std::vector<int> row;           ///< [block_count] row of each block, ascending within a column
+    std::vector<int> update_start;  ///< [block_count + 1] range in update_a / update_b
+    std::vector<int> update_a;      ///< block(i,j) -= sum over updates of block a times block b^T
+    std::vector<int> update_b;
+
+    /// Block number of (row, column), row >= column; -1 where the factor has none.
+    int find(int row, int column) const;
+};
+
+/// Symbolic factorisation of a graph: `adjacency[i]` lists the neighbours of i in elimination order.
+BlockPattern factor_pattern(const std::vector<std::vector<int>>& adjacency);
+/// Writes the update program, which only factor_blocks needs, and which grows faster than the factor.
+void add_updates(BlockPattern& pattern);
+
+/// A sample inside a face of the pad.
+struct FaceSample {
+    std::array<int, 3> node;       ///< all free
+    std::array<int, 3> sample;     ///< their numbers among the samples that are nodes
+    std::array<double, 3> weight;  ///< barycentric
+    std::array<int, 6> block;      ///< of the nodes' pairs 00, 10, 11, 20, 21, 22
+};
+
+/// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
+/// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
+/// of the skin. Nodes keep the numbers of the mesh; the bone's two unknowns follow them.
+struct SkinTopology {
+    int node_count = 0;
+    int bone_position = 0;            ///< number of the bone's position: node_count
+    int bone_rotation = 0;            ///< node_count + 1
+    std::vector<int> unknowns;        ///< free nodes, bone_position, bone_rotation
+    std::vector<int> elimination;     ///< [node_count + 2] -> elimination position; -1 for bone nodes
+    BlockPattern pattern;             ///< of the unknowns
+    SupernodeFactor supernodes;       ///< the same factor in panels
+    int block_count = 0;              ///< the pattern's, then blocks of bone nodes, which `bone_edges` and
+                                      ///< `bone_pairs` carry over to the bone's unknowns
+    std::vector<int> diagonal_block;  ///< [node_count + 2]
+
+    std::vector<int> mesh_element;  ///< [element] its number in the mesh: elements inside the bone are left out
+    std::vector<std::array<int, 4>> elements;        ///< nodes: free ones in elimination order, then bone nodes
+    std::vector<std::array<int, 10>> element_block;  ///< destination of each of block_pair (isotropic.h)
+
+    std::vector<int> bone_nodes;
+    struct BoneEdge {
+        int block;               ///< (bone node, free node)
+        int bone_node;           ///< node number
+        int position, rotation;  ///< blocks (bone_position, free node), (bone_rotation, free node)
+    };
+    struct BonePair {
+        int block;  ///< (a, b), a >= b
+        int a, b;   ///< bone nodes
+    };
+    std::vector<BoneEdge> bone_edges;
+    std::vector<BonePair> bone_pairs;
+    int bone_cross_block = 0;  ///< block (rotation, position)
+
+    std::vector<int> samples;              ///< nodes at which contact is decided
+    std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
+    std::size_t sample_count() const { return samples.size() + face_samples.size(); }
+};
+
+/// Two nodes that share an element, a not before b, and the block of their stiffness; a = b for a node itself.
+struct TissuePair {
+    int block, a, b;
+};
+/// All of them, by block.
+std::vector<TissuePair> tissue_pairs(const SkinTopology& topology);
+
+/// `several_lanes`: for chunks of more than one lane, too. `sample_refinement`: 1 for samples at nodes alone, n for n
+/// times as many along each edge of the pad.
+SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true, int sample_refinement = 1);
+
+/// Share of the surface of every node [m^2]: a third of each triangle around it.
+std::vector<double> nodal_areas(const TetMesh& mesh);
+
+}  // namespace palpate

@@ -1,0 +1,161 @@
+#pragma once
+// Cholesky factorisation of a symmetric matrix of 3x3 blocks, over lanes: every lane is one matrix,
+// all with the same pattern. Blocks are [block][row][column][lane].
+
+#include <limits>
+
+#include "engine/math/linear_algebra.h"
+#include "engine/skin/chunks/topology.h"
+
+namespace palpate {
+
+namespace detail {
+
+/// Lower Cholesky factor of a 3x3 block; the diagonal holds reciprocals. A pivot that is not
+/// positive is replaced by a tiny one and counted.
+template <class R>
+inline Mat3<R> factor_diagonal(const Mat3<R>& S, R& bad_pivots) {
+    using T = ScalarOf<R>;
+    Mat3<R> L = Mat3<R>::zero();
+    const R floor = R(std::numeric_limits<T>::epsilon()) * (absolute(S[0][0]) + absolute(S[1][1]) + absolute(S[2][2])) +
+                    R(std::numeric_limits<T>::min() * T(1e10));
+    for (int j = 0; j < 3; ++j) {
+        R pivot = S[j][j];
+        for (int k = 0; k < j; ++k) pivot -= L[j][k] * L[j][k];
+        const MaskOf<R> good = pivot > floor;
+        bad_pivots += select(good, R(0), R(1));
+        L[j][j] = R(1) / square_root(select(good, pivot, floor));
+        for (int i = j + 1; i < 3; ++i) {
+            R s = S[i][j];
+            for (int k = 0; k < j; ++k) s -= L[i][k] * L[j][k];
+            L[i][j] = s * L[j][j];
+        }
+    }
+    return L;
+}
+
+/// X with X L^T = S, for the factored diagonal block L.
+template <class R>
+inline Mat3<R> solve_right_transposed(const Mat3<R>& S, const Mat3<R>& L) {
+    Mat3<R> X;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+            R s = S[i][j];
+            for (int k = 0; k < j; ++k) s -= X[i][k] * L[j][k];
+            X[i][j] = s * L[j][j];
+        }
+    return X;
+}
+
+}  // namespace detail
+
+namespace detail {
+
+/// Block b of the matrix minus its updates by the factor so far.
+template <class R>
+inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* factor, int b) {
+    constexpr int W9 = 9 * lane_width<R>;
+    Mat3<R> S = load_mat3<R>(blocks + static_cast<std::size_t>(b) * W9);
+    for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u)
+        S = S - times_transposed(load_mat3<R>(factor + static_cast<std::size_t>(p.update_a[u]) * W9),
+                                 load_mat3<R>(factor + static_cast<std::size_t>(p.update_b[u]) * W9));
+    return S;
+}
+
+}  // namespace detail
+
+/// Factors `blocks` into `factor`. Left-looking: each block gathers its updates in registers and is written once.
+/// Returns per lane the number of pivots that had to be replaced.
+template <class R>
+inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarOf<R>* factor) {
+    constexpr int W9 = 9 * lane_width<R>;
+    R bad_pivots(0);
+    for (int j = 0; j < p.columns; ++j) {
+        Mat3<R> diagonal;
+        for (int b = p.column_start[j]; b < p.column_start[j + 1]; ++b) {
+            Mat3<R> S = detail::updated_block<R>(p, blocks, factor, b);
+            if (b == p.column_start[j])
+                S = diagonal = detail::factor_diagonal(S, bad_pivots);
+            else
+                S = detail::solve_right_transposed(S, diagonal);
+            store_mat3<R>(factor + static_cast<std::size_t>(b) * W9, S);
+        }
+    }
+    return bad_pivots;
+}
+
+/// Solves L y = b in place; b is [column][xyz][lane] in elimination order.
+template <class R>
+inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
+    constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
+    auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
+    for (int j = 0; j < p.columns; ++j) {
+        const Mat3<R> L = block(p.column_start[j]);
+        Vec3<R> y = load_vec3<R>(b + j * W3);
+        y.x = y.x * L[0][0];
+        y.y = (y.y - L[1][0] * y.x) * L[1][1];
+        y.z = (y.z - L[2][0] * y.x - L[2][1] * y.y) * L[2][2];
+        store_vec3<R>(b + j * W3, y);
+        for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k) {
+            ScalarOf<R>* target = b + p.row[k] * W3;
+            store_vec3<R>(target, load_vec3<R>(target) - block(k) * y);
+        }
+    }
+}
+
+/// The same for `count` right-hand sides, `stride` scalars apart, each block read once. Rows that are still zero in
+/// every one of them are passed over.
+template <int count, class R>
+inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b, std::size_t stride) {
+    constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
+    auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
+    for (int j = 0; j < p.columns; ++j) {
+        Vec3<R> y[count];
+        R size(0);
+        for (int c = 0; c < count; ++c) {
+            y[c] = load_vec3<R>(b + c * stride + j * W3);
+            size = maximum(size, maximum(absolute(y[c].x), maximum(absolute(y[c].y), absolute(y[c].z))));
+        }
+        if (!any(size > R(0))) continue;
+        const Mat3<R> L = block(p.column_start[j]);
+        for (int c = 0; c < count; ++c) {
+            y[c].x = y[c].x * L[0][0];
+            y[c].y = (y[c].y - L[1][0] * y[c].x) * L[1][1];
+            y[c].z = (y[c].z - L[2][0] * y[c].x - L[2][1] * y[c].y) * L[2][2];
+            store_vec3<R>(b + c * stride + j * W3, y[c]);
+        }
+        for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k) {
+            const Mat3<R> B = block(k);
+            for (int c = 0; c < count; ++c) {
+                ScalarOf<R>* target = b + c * stride + p.row[k] * W3;
+                store_vec3<R>(target, load_vec3<R>(target) - B * y[c]);
+            }
+        }
+    }
+}
+
+/// Solves L^T y = b in place.
+template <class R>
+inline void solve_blocks_backward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
+    constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
+    auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
+    for (int j = p.columns - 1; j >= 0; --j) {
+        Vec3<R> y = load_vec3<R>(b + j * W3);
+        for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k)
+            y -= transposed_times(block(k), load_vec3<R>(b + p.row[k] * W3));
+        const Mat3<R> L = block(p.column_start[j]);
+        y.z = y.z * L[2][2];
+        y.y = (y.y - L[2][1] * y.z) * L[1][1];
+        y.x = (y.x - L[1][0] * y.y - L[2][0] * y.z) * L[0][0];
+        store_vec3<R>(b + j * W3, y);
+    }
+}
+
+/// Solves L L^T y = b in place.
+template <class R>
+inline void solve_blocks(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
+    solve_blocks_forward<R>(p, factor, b);
+    solve_blocks_backward<R>(p, factor, b);
+}
+
+}  // namespace palpate

@@ -1,7 +1,0 @@
-// Lane types that every processor runs.
-#include "engine/skin/coupled.h"
-
-namespace palpate {
-const KernelSet plain_kernels{
-    "plain", {{kernel<double>(), kernel<Lanes<double, 2>>()}}, {{kernel<float>(), kernel<Lanes<float, 4>>()}}};
-}  // namespace palpate

@@ -1,0 +1,375 @@
+#pragma once
+// A chunk's part in a solve that its fingers share with bodies (held objects). The bodies' unknowns y are condensed
+// (static condensation, Guyan 1965: the Schur complement of the skin): with the Newton matrix [H B; B' C], each lane
+// gives C - B' H^-1 B and the like, 6x6 per body that it touches; the bodies are solved on their sum, and the lanes
+// then for themselves. engine/bodies/solve_bodies.cpp calls these in turn.
+
+#include "engine/skin/chunks/rigid.h"
+#include "engine/skin/solve/kernels.h"
+#include "engine/skin/solve/newton.h"
+
+namespace palpate {
+
+namespace detail {
+
+/// How contact between a sample and a body moves with the body: d(x_s - body) = dx_s + G dy, G = [-I, skew(arm)].
+template <class R>
+struct BodyMotion {
+    Mat3<R> turn;  ///< skew(arm), arm from the body's centre of mass to the sample
+    Vec3<R> times(const Vec3<R>& moved, const Vec3<R>& turned) const { return turn * turned - moved; }
+};
+template <class R>
+inline BodyMotion<R> body_motion(const SkinChunk<ScalarOf<R>>& c, int slot, const Vec3<R>& x) {
+    constexpr int W = lane_width<R>;
+    return {skew(x - load_vec3<R>(&c.exchange.centre[3 * slot * W]))};
+}
+
+/// Calls visit(slot) for each slot that a body fills in some lane.
+template <class T, class Visit>
+inline void for_each_body_slot(const SkinChunk<T>& c, Visit visit) {
+    for (int slot = 0; slot < c.contacts.used; ++slot)
+        if (c.contacts.slot[std::size_t(slot)].body_lanes != 0) visit(slot);
+}
+
+template <class R>
+inline R given(const SkinChunk<ScalarOf<R>>& c, double LaneReport::*field) {
+    alignas(64) ScalarOf<R> values[lane_width<R>];
+    for (int l = 0; l < lane_width<R>; ++l) values[l] = ScalarOf<R>(c.exchange.lanes[l].*field);
+    return load<R>(values);
+}
+template <class R>
+inline void report(SkinChunk<ScalarOf<R>>& c, double LaneReport::*field, const R& values) {
+    for (int l = 0; l < lane_width<R>; ++l) c.exchange.lanes[l].*field = double(lane(values, l));
+}
+
+/// Gradient along the bodies' motions: action and reaction.
+template <class R>
+inline void add_body_gradients(SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    for_each_body_slot(c, [&](int slot) {
+        for (int l = 0; l < W; ++l) {
+            const LaneContact& o = c.contacts.at(slot, l);
+            if (o.object < 0) continue;
+            const Vec3<double> centre = transform(o.pose, o.mass_centre);
+            for (int d = 0; d < 3; ++d)
+                c.exchange.centre[(3 * slot + d) * W + l] = ScalarOf<R>(centre[d] - c.state.origin[d * W + l]);
+        }
+        Vec3<R> force{R(0), R(0), R(0)}, torque = force;
+        for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
+            const Vec3<R> x = at_sample<R>(t, c.state.position.data(), i);
+            const Vec3<R> g = load_vec3<R>(&c.exchange.slot_gradient[3 * (slot * t.sample_count() + i) * W]);
+            force -= g;
+            torque -= cross(x - load_vec3<R>(&c.exchange.centre[3 * slot * W]), g);
+        }
+        store_vec3<R>(&c.exchange.body_gradient[6 * slot * W], force);
+        store_vec3<R>(&c.exchange.body_gradient[(6 * slot + 3) * W], torque);
+    });
+}
+
+/// Column k of the coupling block of one sample: K G e_k.
+template <class R>
+inline Vec3<R> coupling_column(const Mat3<R>& K, const BodyMotion<R>& G, int k) {
+    return k < 3 ? -K.column(k) : K * G.turn.column(k - 3);
+}
+
+/// Writes the coupling blocks as right-hand sides, and the bodies' own part C of the matrix.
+template <class R>
+inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>, W3 = 3 * W;
+    const SkinTopology& t = *c.topology;
+    const std::size_t stride = t.unknowns.size() * W3;
+    const Vec3<R> bone = load_vec3<R>(c.state.bone.data());
+    for_each_body_slot(c, [&](int slot) {
+        T* columns = &c.exchange.columns[6 * slot * stride];
+        std::fill(columns, columns + 6 * stride, T(0));
+        R C[6][6];
+        for (auto& row : C)
+            for (R& value : row) value = R(0);
+        for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
+            const std::size_t s = slot * t.sample_count() + i;
+            const Mat3<R> K = load_mat3<R>(&c.exchange.slot_curvature[9 * s * W]);
+            if (!any(K[0][0] + K[1][1] + K[2][2] > R(0))) continue;
+            const Vec3<R> x = at_sample<R>(t, c.state.position.data(), i);
+            const BodyMotion<R> G = body_motion<R>(c, slot, x);
+            for (int k = 0; k < 6; ++k) {
+                const Vec3<R> column = coupling_column(K, G, k);
+                T* to = columns + k * stride;
+                if (is_free_sample(t, i)) {
+                    add_at_free_sample<R>(t, to, i, column);
+                } else {
+                    add_vec3<R>(to + t.elimination[t.bone_position] * W3, column);
+                    add_vec3<R>(to + t.elimination[t.bone_rotation] * W3, cross(x - bone, column));
+                }
+                const Vec3<R> turned = transposed_times(G.turn, column);
+                for (int d = 0; d < 3; ++d) C[d][k] = C[d][k] - column[d], C[3 + d][k] = C[3 + d][k] + turned[d];
+            }
+        }
+        T* matrix = &c.exchange.body_matrix[36 * std::size_t(slot * c.contacts.capacity + slot) * W];
+        for (int k = 0; k < 36; ++k) store<R>(matrix + k * W, C[k / 6][k % 6]);
+    });
+}
+
+/// columns <- L^-1 columns.
+template <class R>
+inline void solve_columns_forward(SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W3 = 3 * lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const std::size_t stride = t.unknowns.size() * W3;
+    for_each_body_slot(c, [&](int slot) {
+        auto* columns = &c.exchange.columns[6 * slot * stride];
+        if constexpr (lane_width<R> == 1) {
+            for (int k = 0; k < 6; ++k)
+                solve_supernodes_forward<R>(t.supernodes, c.scratch.panels.data(), columns + k * stride,
+                                            c.scratch.panel_work.data());
+        } else {
+            // As many at a time as fit the registers: AVX-512 has twice as many.
+            constexpr int at_once = sizeof(R) >= 64 ? 6 : 3;
+            for (int k = 0; k < 6; k += at_once)
+                solve_blocks_forward<at_once, R>(t.pattern, c.scratch.factor.data(), columns + k * stride, stride);
+        }
+    });
+}
+
+/// Takes Y' Y from the bodies' matrix and Y' y from their right-hand side, Y = columns, y = permuted (both behind
+/// L^-1).
+template <class R>
+inline void condense(SkinChunk<ScalarOf<R>>& c) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>, W3 = 3 * W;
+    const std::size_t stride = c.topology->unknowns.size() * W3;
+    auto times = [&](const T* a, const T* b) {
+        R sum(0);
+        for (std::size_t i = 0; i < stride; i += W) sum += load<R>(a + i) * load<R>(b + i);
+        return sum;
+    };
+    for_each_body_slot(c, [&](int a) {
+        const T* of_a = &c.exchange.columns[6 * a * stride];
+        for (int k = 0; k < 6; ++k) {
+            T* rhs = &c.exchange.body_rhs[(6 * a + k) * W];
+            store<R>(rhs, load<R>(rhs) - times(of_a + k * stride, c.scratch.permuted.data()));
+        }
+        for_each_body_slot(c, [&](int b) {
+            if (b < a) return;
+            const T* of_b = &c.exchange.columns[6 * b * stride];
+            T* matrix = &c.exchange.body_matrix[36 * std::size_t(a * c.contacts.capacity + b) * W];
+            for (int k = 0; k < 36; ++k) {
+                const int i = k / 6, j = k % 6;
+                if (a == b && j < i) {
+                    store<R>(matrix + k * W, load<R>(matrix + (6 * j + i) * W));
+                    continue;
+                }
+                const R own = a == b ? load<R>(matrix + k * W) : R(0);
+                store<R>(matrix + k * W, own - times(of_a + i * stride, of_b + j * stride));
+            }
+        });
+    });
+}
+
+}  // namespace detail
+
+/// Start of the step, and the first guess.
+template <class R>
+void coupled_begin(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+    detail::begin_step<R>(c, settings);
+    detail::keep_base<R>(c, mask_from_bits<R>(active_lanes(c)));
+}
+
+/// Evaluates every lane at its positions and the slots' poses; reports to exchange.lanes.
+template <class R>
+void coupled_evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, bool with_matrix) {
+    place_slots(c);
+    const R exactness = detail::given<R>(c, &LaneReport::exactness);
+    const Evaluation<R> e =
+        with_matrix ? evaluate<R>(c, settings, exactness) : evaluate<R, detail::Want::forces>(c, settings, exactness);
+    detail::add_body_gradients<R>(c);
+    detail::report<R>(c, &LaneReport::energy, e.energy);
+    detail::report<R>(c, &LaneReport::residual, e.residual);
+    detail::report<R>(c, &LaneReport::pending, e.pending);
+    detail::report<R>(c, &LaneReport::violation, e.violation);
+    detail::report<R>(c, &LaneReport::penetration, e.penetration);
+    detail::report<R>(c, &LaneReport::contact_force, e.contact_force);
+    detail::report<R>(c, &LaneReport::coupling_force, e.coupling_force);
+    detail::report<R>(c, &LaneReport::limited, e.limited);
+    detail::report<R>(c, &LaneReport::rounding, detail::rounding_force(c, e));
+}
+
+/// Multiplier update of the lanes.
+template <class R>
+void coupled_update(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, unsigned lanes) {
+    const MaskOf<R> mask = mask_from_bits<R>(lanes);
+    Evaluation<R> e;
+    e.violation = detail::given<R>(c, &LaneReport::violation);
+    e.penetration = detail::given<R>(c, &LaneReport::penetration);
+    e.contact_force = detail::given<R>(c, &LaneReport::contact_force);
+    // 1e300 is more than float holds.
+    const R most(std::numeric_limits<ScalarOf<R>>::max());
+    R last_excess = minimum(detail::given<R>(c, &LaneReport::last_excess), most);
+    R last_depth = minimum(detail::given<R>(c, &LaneReport::last_depth), most);
+    detail::stiffen_slow_lanes(c, settings, e, mask, last_excess, last_depth);
+    detail::report<R>(c, &LaneReport::last_excess, last_excess);
+    detail::report<R>(c, &LaneReport::last_depth, last_depth);
+    detail::update_multipliers<R>(c, mask);
+}
+
+/// Factors the lanes' matrices and condenses them for the bodies. The right-hand side is minus the gradient in the
+/// first call of a direction, and what contact_residual left afterwards.
+template <class R>
+void coupled_condense(SkinChunk<ScalarOf<R>>& c, unsigned lanes, bool first) {
+    constexpr int W = lane_width<R>, W3 = 3 * W;
+    const SkinTopology& t = *c.topology;
+    if (first) {
+        detail::damp<R>(c, mask_from_bits<R>(lanes), detail::given<R>(c, &LaneReport::damping));
+        for (int i : t.unknowns)
+            store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
+        detail::for_each_body_slot(c, [&](int slot) {
+            for (int k = 0; k < 6; ++k)
+                store<R>(&c.exchange.body_rhs[(6 * slot + k) * W],
+                         -load<R>(&c.exchange.body_gradient[(6 * slot + k) * W]));
+        });
+    }
+    detail::report<R>(c, &LaneReport::bad_pivots, detail::factor_matrix<R>(c));
+    detail::solve_forward<R>(c);
+    detail::fill_columns<R>(c);
+    detail::solve_columns_forward<R>(c);
+    detail::condense<R>(c);
+}
+
+/// With the bodies' step known: the lanes' part of the direction, set by the first call and added to by further ones.
+template <class R>
+void coupled_direction(SkinChunk<ScalarOf<R>>& c, unsigned lanes, bool first) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>, W3 = 3 * W;
+    const SkinTopology& t = *c.topology;
+    const MaskOf<R> mask = mask_from_bits<R>(lanes);
+    const std::size_t stride = t.unknowns.size() * W3;
+    detail::for_each_body_slot(c, [&](int slot) {
+        R dy[6];
+        for (int k = 0; k < 6; ++k) dy[k] = load<R>(&c.exchange.body_step[(6 * slot + k) * W]);
+        const T* columns = &c.exchange.columns[6 * slot * stride];
+        for (std::size_t i = 0; i < stride; i += W) {
+            R sum = load<R>(&c.scratch.permuted[i]);
+            for (int k = 0; k < 6; ++k) sum -= load<R>(columns + k * stride + i) * dy[k];
+            store<R>(&c.scratch.permuted[i], sum);
+        }
+    });
+    detail::solve_backward<R>(c);
+    for (int i : t.unknowns) {
+        T *p = &c.scratch.direction[i * W3], *step = &c.scratch.permuted[t.elimination[i] * W3];
+        const Vec3<R> old = load_vec3<R>(p), moved = select(mask, load_vec3<R>(step), Vec3<R>{R(0), R(0), R(0)});
+        store_vec3<R>(step, moved);
+        store_vec3<R>(p, first ? select(mask, moved, old) : old + moved);
+    }
+    if (first) c.scratch.first_direction = c.scratch.direction;
+    detail::report<R>(c, &LaneReport::slope, detail::slope_of<R>(c));
+}
+
+/// Gives the lanes back the direction before contacts were followed.
+template <class R>
+void coupled_restore(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
+    const MaskOf<R> mask = mask_from_bits<R>(lanes);
+    for (std::size_t i = 0; i < c.scratch.direction.size(); i += lane_width<R>)
+        store<R>(&c.scratch.direction[i],
+                 select(mask, load<R>(&c.scratch.first_direction[i]), load<R>(&c.scratch.direction[i])));
+}
+
+/// What contact does at the end of the direction beyond its linearisation (direction.h): leaves it as right-hand side,
+/// and the new curvature in the matrix. The slots' poses are the bodies' at the end of the direction; body_step is the
+/// last addition to it.
+template <class R>
+void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>, W3 = 3 * W;
+    const SkinTopology& t = *c.topology;
+    const MaskOf<R> mask = mask_from_bits<R>(lanes);
+    const R exactness = detail::given<R>(c, &LaneReport::exactness);
+    place_slots(c);
+    R squared(0);
+    const std::size_t S = t.sample_count();
+    std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
+    std::fill(c.scratch.sample_residual.begin(), c.scratch.sample_residual.end(), T(0));
+    for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
+        if (!is_free_sample(t, i)) continue;
+        const Vec3<R> base = at_sample<R>(t, c.state.position.data(), i);
+        const Vec3<R> x = base + at_sample<R>(t, c.scratch.direction.data(), i);
+        const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), i);
+        Vec3<R> residual{R(0), R(0), R(0)};
+        Mat3<R> change = Mat3<R>::zero(), fixed_curvature = change;
+        Vec3<R> fixed_gradient = residual;
+        for (int slot = 0; slot < c.contacts.used; ++slot) {
+            const detail::Slot<R> held = detail::read_slot<R>(c, slot);
+            const ContactTerms<R> terms = detail::sample_contact<R>(c, held, i, x, exactness).terms;
+            if (!held.all_body) {
+                fixed_gradient += held.of_others(terms.gradient);
+                fixed_curvature = fixed_curvature + held.of_others(terms.curvature);
+            }
+            if (!held.any_body) continue;
+            const Vec3<R> gradient = held.of_bodies(terms.gradient);
+            const Mat3<R> curvature = held.of_bodies(terms.curvature);
+            T* old_gradient = &c.exchange.slot_gradient[3 * (slot * S + i) * W];
+            T* old_curvature = &c.exchange.slot_curvature[9 * (slot * S + i) * W];
+            const Mat3<R> old = load_mat3<R>(old_curvature);
+            const detail::BodyMotion<R> G = detail::body_motion<R>(c, slot, base);
+            const T* dy = &c.exchange.body_step[6 * slot * W];
+            const Vec3<R> moved = step + G.times(load_vec3<R>(dy), load_vec3<R>(dy + 3 * W));
+            const Vec3<R> r = gradient - load_vec3<R>(old_gradient) - old * moved;
+            residual += r;
+            change = change + (curvature - old);
+            store_vec3<R>(old_gradient, gradient);
+            store_mat3<R>(old_curvature, curvature);
+            detail::add_vec3<R>(&c.exchange.body_rhs[6 * slot * W], r);  // minus G' r, G' = [-I; skew(arm)']
+            detail::add_vec3<R>(&c.exchange.body_rhs[(6 * slot + 3) * W], -transposed_times(G.turn, r));
+        }
+        T *all_gradient = &c.scratch.sample_gradient[i * W3], *all_curvature = &c.scratch.sample_curvature[3 * i * W3];
+        const Mat3<R> old = load_mat3<R>(all_curvature);
+        residual += fixed_gradient - load_vec3<R>(all_gradient) - old * step;
+        change = change + (fixed_curvature - old);
+        store_vec3<R>(all_gradient, fixed_gradient);
+        store_mat3<R>(all_curvature, fixed_curvature);
+        residual = select(mask, residual, Vec3<R>{R(0), R(0), R(0)});
+        for (int k = 0; k < 9; ++k) change.m[k / 3][k % 3] = select(mask, change.m[k / 3][k % 3], R(0));
+        squared += dot(residual, residual);
+        add_sample_block<R>(t, c.scratch.blocks.data(), i, change);
+        store_vec3<R>(&c.scratch.sample_residual[i * W3], residual);
+    }
+    std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
+    for (std::size_t i = 0; i < samples_in_use<R>(c); ++i)
+        if (is_free_sample(t, i))
+            add_at_free_sample<R>(t, c.scratch.permuted.data(), i, -load_vec3<R>(&c.scratch.sample_residual[i * W3]));
+    detail::report<R>(c, &LaneReport::contact_residual, squared);
+}
+
+/// Moves the lanes from their base along the direction; with `from_here`, the base is where they are.
+template <class R>
+void coupled_move(SkinChunk<ScalarOf<R>>& c, unsigned lanes, unsigned from_here) {
+    detail::keep_base<R>(c, mask_from_bits<R>(from_here));
+    detail::move_from_base<R>(c, mask_from_bits<R>(lanes), detail::given<R>(c, &LaneReport::alpha));
+}
+
+/// End of the step, for lanes that `failed`, or have `converged`. Returns the bits of lanes that were reset: those that
+/// failed, are lost, or wound around themselves.
+template <class R>
+unsigned coupled_end(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, unsigned failed, unsigned converged) {
+    Evaluation<R> e;
+    e.residual = detail::given<R>(c, &LaneReport::residual);
+    e.violation = detail::given<R>(c, &LaneReport::violation);
+    e.contact_force = detail::given<R>(c, &LaneReport::contact_force);
+    e.coupling_force = detail::given<R>(c, &LaneReport::coupling_force);
+    const unsigned reset = detail::end_iteration<R>(c, e, mask_from_bits<R>(active_lanes(c)), mask_from_bits<R>(failed),
+                                                    mask_from_bits<R>(converged));
+    detail::end_step<R>(c, settings);
+    return reset;
+}
+
+/// Everything a lane type offers.
+template <class R>
+constexpr Kernel<ScalarOf<R>> kernel() {
+    return {lane_width<R>,
+            &solve_chunk<R>,
+            &move_rigid<R>,
+            {&coupled_begin<R>, &coupled_evaluate<R>, &coupled_update<R>, &coupled_condense<R>, &coupled_direction<R>,
+             &coupled_restore<R>, &coupled_contact_residual<R>, &coupled_move<R>, &coupled_end<R>}};
+}
+
+}  // namespace palpate

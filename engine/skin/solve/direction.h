@@ -1,0 +1,155 @@
+#pragma once
+// The direction of a Newton step: the linear solve, and contacts followed along it.
+
+#include <algorithm>
+
+#include "engine/skin/factor/supernode_cholesky.h"
+#include "engine/skin/solve/evaluate.h"
+
+namespace palpate {
+
+namespace detail {
+
+/// Factors the Newton matrix. Returns per lane the number of pivots that had to be replaced.
+template <class R>
+inline R factor_matrix(SkinChunk<ScalarOf<R>>& c) {
+    const SkinTopology& t = *c.topology;
+    if constexpr (lane_width<R> == 1)
+        return factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(), c.scratch.panels.data(),
+                                    c.scratch.panel_work.data());
+    else
+        return factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data());
+}
+
+/// Solves L y = b, with the factor L, for the right-hand side in scratch.permuted, in place.
+template <class R>
+inline void solve_forward(SkinChunk<ScalarOf<R>>& c) {
+    const SkinTopology& t = *c.topology;
+    if constexpr (lane_width<R> == 1)
+        solve_supernodes_forward<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
+                                    c.scratch.panel_work.data());
+    else
+        solve_blocks_forward<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
+}
+/// Solves L^T y = b.
+template <class R>
+inline void solve_backward(SkinChunk<ScalarOf<R>>& c) {
+    const SkinTopology& t = *c.topology;
+    if constexpr (lane_width<R> == 1)
+        solve_supernodes_backward<R>(t.supernodes, c.scratch.panels.data(), c.scratch.permuted.data(),
+                                     c.scratch.panel_work.data());
+    else
+        solve_blocks_backward<R>(t.pattern, c.scratch.factor.data(), c.scratch.permuted.data());
+}
+/// Both: L L^T y = b.
+template <class R>
+inline void solve_matrix(SkinChunk<ScalarOf<R>>& c) {
+    solve_forward<R>(c);
+    solve_backward<R>(c);
+}
+
+/// Slope g . d of the masked lanes' direction.
+template <class R>
+inline R slope_of(const SkinChunk<ScalarOf<R>>& c) {
+    constexpr int W3 = 3 * lane_width<R>;
+    R slope(0);
+    for (int i : c.topology->unknowns)
+        slope += dot(load_vec3<R>(&c.scratch.direction[i * W3]), load_vec3<R>(&c.scratch.gradient[i * W3]));
+    return slope;
+}
+
+/// Newton direction -H^-1 g of the masked lanes, and its slope.
+template <class R>
+inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_pivots) {
+    constexpr int W3 = 3 * lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    bad_pivots = factor_matrix<R>(c);
+    for (int i : t.unknowns)
+        store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
+    solve_matrix<R>(c);
+    for (int i : t.unknowns) {
+        auto* p = &c.scratch.direction[i * W3];
+        store_vec3<R>(p, select(lanes, load_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3]), load_vec3<R>(p)));
+    }
+    return slope_of<R>(c);
+}
+
+/// What contact does at the end of the direction, beyond what its linearisation said: r = c(x + d) - c(x) - C d of
+/// every sample on a free node. Takes the new gradient and curvature as the current ones, the change of curvature into
+/// the matrix, and leaves r as right-hand side. Returns |r|^2.
+template <class R>
+inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness) {
+    using T = ScalarOf<R>;
+    constexpr int W3 = 3 * lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    R squared(0);
+    for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
+        if (!is_free_sample(t, s)) continue;
+        const Vec3<R> x = at_sample<R>(t, c.state.position.data(), s) + at_sample<R>(t, c.scratch.direction.data(), s);
+        Vec3<R> gradient{R(0), R(0), R(0)};
+        Mat3<R> curvature = Mat3<R>::zero();
+        for (int slot = 0; slot < c.contacts.used; ++slot) {
+            const ContactTerms<R> terms = sample_contact<R>(c, read_slot<R>(c, slot), s, x, exactness).terms;
+            gradient += terms.gradient;
+            curvature = curvature + terms.curvature;
+        }
+        T *old_gradient = &c.scratch.sample_gradient[s * W3], *old_curvature = &c.scratch.sample_curvature[3 * s * W3];
+        const Mat3<R> old = load_mat3<R>(old_curvature);
+        const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), s);
+        const Vec3<R> zero{R(0), R(0), R(0)};
+        const Vec3<R> r = select(lanes, gradient - load_vec3<R>(old_gradient) - old * step, zero);
+        squared += dot(r, r);
+        Mat3<R> change;
+        for (int i = 0; i < 9; ++i)
+            change.m[i / 3][i % 3] = select(lanes, curvature.m[i / 3][i % 3] - old.m[i / 3][i % 3], R(0));
+        add_sample_block<R>(t, c.scratch.blocks.data(), s, change);
+        store_vec3<R>(old_gradient, gradient);
+        store_mat3<R>(old_curvature, curvature);
+        store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
+    }
+    return squared;
+}
+
+/// Improves the direction where contacts open, close, stick or slide along it: Newton on the same linearised tissue
+/// with contact as it is. That costs a factorisation an iteration, but no element. Returns the slope; adds the pivots
+/// that had to be replaced: where contacts open, a matrix with exact or linear tissue may be indefinite.
+template <class R>
+inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, MaskOf<R> lanes, const R& exactness,
+                         const R& residual, R slope, R& bad_pivots) {
+    using T = ScalarOf<R>;
+    constexpr int W3 = 3 * lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    if (settings.contact_iterations <= 0 || c.contacts.used == 0) return slope;
+    const R first_slope = slope;
+    c.scratch.first_direction = c.scratch.direction;
+    lanes = lanes & (slope < R(0));
+    for (int k = 0; k < settings.contact_iterations; ++k) {
+        const R left = contact_residual<R>(c, lanes, exactness);
+        lanes = lanes & (left > R(T(settings.contact_share * settings.contact_share)) * residual);
+        if (!any(lanes)) break;
+        bad_pivots += select(lanes, factor_matrix<R>(c), R(0));
+        std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
+        for (std::size_t s = 0; s < samples_in_use<R>(c); ++s)
+            if (is_free_sample(t, s))
+                add_at_free_sample<R>(t, c.scratch.permuted.data(), s,
+                                      -load_vec3<R>(&c.scratch.sample_residual[s * W3]));
+        solve_matrix<R>(c);
+        for (int i : t.unknowns) {
+            T *step = &c.scratch.permuted[t.elimination[i] * W3], *direction = &c.scratch.direction[i * W3];
+            const Vec3<R> masked = select(lanes, load_vec3<R>(step), Vec3<R>{R(0), R(0), R(0)});
+            store_vec3<R>(step, masked);
+            store_vec3<R>(direction, load_vec3<R>(direction) + masked);
+        }
+    }
+    slope = slope_of<R>(c);
+    const MaskOf<R> worse = slope >= R(0);
+    if (any(worse))
+        for (std::size_t i = 0; i < c.scratch.direction.size(); i += lane_width<R>)
+            store<R>(&c.scratch.direction[i],
+                     select(worse, load<R>(&c.scratch.first_direction[i]), load<R>(&c.scratch.direction[i])));
+    return select(worse, first_slope, slope);
+}
+
+}  // namespace detail
+
+}  // namespace palpate

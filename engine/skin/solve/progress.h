@@ -1,0 +1,210 @@
+#pragma once
+// Where an iteration stands and what it does next: of one lane, or of an island of lanes and bodies (R = double). All
+// rules of the iteration stand here: chunks that are near no body (newton.h) and islands (solve_bodies.cpp) share them.
+//
+// The potential is an augmented Lagrangian (Hestenes 1969, Powell 1969; Rockafellar 1973 for inequalities; for contact
+// and friction Alart and Curnier 1991, Simo and Laursen 1992): multipliers are updated where the minimisation in
+// positions has come near enough to its end, as in Nocedal and Wright, Numerical Optimization, framework 17.3.
+
+#include <cmath>
+#include <limits>
+
+#include "engine/skin/chunks/chunk.h"
+
+namespace palpate {
+
+template <class R>
+struct Evaluation {
+    R energy{0};          ///< [J]
+    R residual{0};        ///< squared norm of the gradient [N^2]
+    R pending{0};         ///< squared norm of the change of nodal forces that a multiplier update would bring
+                          ///< [N^2]; stresses in equilibrium with themselves do not count
+    R violation{0};       ///< worst relative excess over a strain limit
+    R penetration{0};     ///< worst [m]
+    R contact_force{0};   ///< sum of normal forces [N]
+    R coupling_force{0};  ///< norm of the coupling's force [N]
+    R limited{0};         ///< elements with an active limit
+    R margin = std::numeric_limits<ScalarOf<R>>::max();  ///< least distance of a principal stretch from a limit
+    ScalarOf<R> epsilon = std::numeric_limits<ScalarOf<R>>::epsilon();  ///< of the precision it was computed in
+    R extent{ScalarOf<R>(0.03)};                                        ///< of the finger [m]
+    R force_floor{ScalarOf<R>(0.01)};                          ///< tolerances are relative to no less than this [N]
+    R residual_cap = std::numeric_limits<ScalarOf<R>>::max();  ///< the residual may not be more than this [N]
+};
+
+namespace detail {
+
+/// Where each lane stands in its iteration.
+template <class R>
+struct LaneProgress {
+    MaskOf<R> active;                            ///< not finished
+    MaskOf<R> converged, failed;                 ///< how it finished
+    R base_energy, base_residual, slope, alpha;  ///< of the running line search; the residual squared
+    R exactness;                                 ///< share of exact curvature in the next Newton matrix
+    R last_excess, last_depth;  ///< of limits, of contacts: violation over tolerance at the last multiplier update
+    R damping;                  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
+    R iterations{0}, updates{0}, backtracks{0};
+    R uphill{0};  ///< steps that were taken back: no halving led to less energy
+};
+
+template <class R>
+inline LaneProgress<R> begin_progress(MaskOf<R> active) {
+    constexpr auto most = std::numeric_limits<ScalarOf<R>>::max();
+    LaneProgress<R> p;
+    p.active = active;
+    p.converged = p.failed = mask_from_bits<R>(0);
+    p.exactness = p.slope = p.alpha = p.damping = R(0);
+    p.base_energy = p.base_residual = p.last_excess = p.last_depth = R(most);
+    return p;
+}
+
+/// What the lanes do next; each active lane does exactly one of the three.
+template <class R>
+struct LaneDecision {
+    MaskOf<R> retry, update, newton;
+    MaskOf<R> undo;  ///< of those that retry: back to where the step began, for a direction of another length
+};
+
+/// A line search halves a step so often; what leads uphill then is taken back.
+inline constexpr double smallest_step = 1.0 / 64;
+
+template <class R>
+inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
+    p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
+    p.active = p.active & !p.failed;
+
+    // Energies are known no better than positions are: to the rounding of the finger's extent times the forces on it.
+    const R slack =
+        R(64 * e.epsilon) * absolute(e.energy) + R(4 * e.epsilon) * e.extent * (e.contact_force + e.coupling_force);
+    const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
+    // At the rounding of energies, the residual tells whether a step leads on.
+    const MaskOf<R> smallest = sound & (p.alpha <= R(T(smallest_step)));
+    const MaskOf<R> taken = decreased | (smallest & ((e.residual <= p.base_residual) | (p.alpha <= R(0))));
+    LaneDecision<R> d;
+    d.retry = p.active & !taken;
+    d.undo = d.retry & smallest;
+    p.failed = p.failed | (d.retry & (p.alpha < R(T(1e-6))));
+    p.active = p.active & !p.failed;
+    d.retry = d.retry & p.active;
+    d.undo = d.undo & p.active;
+
+    const R scale = maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
+    const R tolerance = maximum(minimum(R(T(s.tolerance)) * scale, e.residual_cap), rounding);
+    const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, rounding);
+    const R residual = square_root(e.residual), pending = square_root(e.pending);
+    const R gate =
+        select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
+    const MaskOf<R> ready = p.active & !d.retry & (residual <= gate);
+    const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
+                                (e.penetration <= R(T(s.contact_tolerance)));
+    p.converged = p.converged | (ready & satisfied);
+    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations));
+    // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
+    d.update =
+        ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & (p.updates < R(T(4 * s.newton_iterations)));
+    const MaskOf<R> first = p.iterations <= R(0);
+    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
+    p.active = d.retry | d.update | d.newton;
+    return d;
+}
+
+/// Halves the steps of the lanes that retry, or takes them back: what follows is then damped as much as can be.
+template <class R>
+inline void shorten_steps(LaneProgress<R>& p, const LaneDecision<R>& d) {
+    p.alpha = select(d.retry, select(d.undo, R(0), R(ScalarOf<R>(0.5)) * p.alpha), p.alpha);
+    p.backtracks += select(d.retry, R(1), R(0));
+    p.uphill += select(d.undo, R(1), R(0));
+}
+
+/// Lanes whose potential is another one from here on: there is nothing to compare energies with.
+template <class R>
+inline void forget_energy(LaneProgress<R>& p, MaskOf<R> lanes) {
+    p.base_energy = select(lanes, R(std::numeric_limits<ScalarOf<R>>::max()), p.base_energy);
+}
+
+/// After a multiplier update.
+template <class R>
+inline void count_update(LaneProgress<R>& p, MaskOf<R> lanes) {
+    p.updates += select(lanes, R(1), R(0));
+    forget_energy(p, lanes);
+    p.alpha = select(lanes, R(1), p.alpha);
+    p.slope = select(lanes, R(0), p.slope);
+}
+
+/// Levenberg-Marquardt: a step that the line search had to shorten promised more than the potential held,
+/// mostly because elements turned too far for their linearised stretches, or because contacts and limits
+/// changed. The next one is damped by about the tissue's own stiffness, and less and less where steps fit.
+template <class R>
+inline void adapt_damping(LaneProgress<R>& p, MaskOf<R> lanes) {
+    using T = ScalarOf<R>;
+    const MaskOf<R> stepped = lanes & (p.slope < R(0));
+    const R more = minimum(maximum(R(3) * p.damping, R(1)), R(T(1e6))), less = R(T(0.2)) * p.damping;
+    p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
+}
+
+/// Newton iterations of a step with positive curvature before exact curvature is tried: most steps are
+/// done by then; hard ones, under large limit forces, converge slowly without it. Steps that are not done
+/// after `exact_until` go on with positive curvature alone, which is slower but keeps nearer to the limits.
+inline constexpr int exact_after = 4, exact_until = 100;
+
+/// Less exact curvature where the matrix was indefinite, more where it was not.
+template <class R>
+inline void adapt_exactness(LaneProgress<R>& p, MaskOf<R> indefinite, MaskOf<R> definite) {
+    using T = ScalarOf<R>;
+    const R less = select(p.exactness > R(T(0.05)), R(T(0.25)) * p.exactness, R(0));
+    const R more = minimum(R(1), select(p.exactness > R(0), R(2) * p.exactness, R(1)));
+    p.exactness =
+        select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
+    p.exactness = select((indefinite | definite) & (p.iterations > R(T(exact_until))), R(0), p.exactness);
+}
+
+/// What becomes of a direction.
+template <class R>
+struct DirectionVerdict {
+    MaskOf<R> step;     ///< the lanes move along it
+    MaskOf<R> unbound;  ///< linear tissue made the matrix indefinite: it is left
+};
+
+/// An indefinite matrix gives no direction: the lane stays, and evaluates again with less exact curvature, or without
+/// linear tissue where that is what `linear` lanes have. Lanes that step begin a line search from here.
+template <class R>
+inline DirectionVerdict<R> judge_direction(LaneProgress<R>& p, MaskOf<R> newton, MaskOf<R> linear, const R& bad_pivots,
+                                           const R& slope, const Evaluation<R>& e) {
+    const MaskOf<R> bad = bad_pivots > R(0);
+    const MaskOf<R> unbound = newton & linear & (bad | (slope > R(0)));
+    const MaskOf<R> unusable = unbound | (newton & (p.exactness > R(0)) & (bad | (slope >= R(0))));
+    forget_energy(p, unusable);
+    p.slope = select(unusable, R(0), p.slope);
+    p.iterations += select(unusable & !unbound, R(1), R(0));
+    adapt_exactness(p, unusable, newton & !unusable);
+    const MaskOf<R> step = newton & !unusable;
+    p.slope = select(step, slope, p.slope);
+    p.alpha = select(step, R(1), p.alpha);
+    p.base_energy = select(step, e.energy, p.base_energy);
+    p.base_residual = select(step, e.residual, p.base_residual);
+    p.iterations += select(step, R(1), R(0));
+    return {step, unbound};
+}
+
+/// What is reported of a lane that was solved.
+inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<double>& p, bool reset) {
+    SkinStatus s;
+    s.newton_iterations = int(p.iterations);
+    s.multiplier_updates = int(p.updates);
+    s.backtracks = int(p.backtracks);
+    s.uphill_steps = int(p.uphill);
+    s.converged = p.converged;
+    s.reset = reset;
+    if (reset) return s;
+    s.residual_N = std::sqrt(e.residual);
+    s.limit_violation = e.violation;
+    s.penetration_m = e.penetration;
+    s.contact_force_N = e.contact_force;
+    s.limited_elements = int(e.limited);
+    return s;
+}
+
+}  // namespace detail
+
+}  // namespace palpate

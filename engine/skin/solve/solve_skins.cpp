@@ -1,0 +1,32 @@
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+
+#include "engine/skin/chunks/level_of_detail.h"
+#include "engine/skin/solve/kernels.h"
+#include "engine/skin/solve/solve_skin.h"
+#include "engine/systems.h"
+
+namespace palpate {
+
+namespace {
+
+template <class T>
+void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
+    if (c.rigid_lanes != 0) kernel_for(c).move_rigid(c, solver);
+    if (near_a_body(c)) return;
+    if (active_lanes(c) != 0) {
+        solve_skin(c, solver);
+        settle_lanes(c, solver);
+    }
+}
+
+}  // namespace
+
+void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena, SkinChunks& chunks) {
+    auto solve = [&](int i) { chunks.with(i, [&](auto& c) { solve_or_leave(c, solver); }); };
+    if (chunks.count() == 1) return solve(0);
+    arena.execute([&] { oneapi::tbb::parallel_for(0, chunks.count(), solve, oneapi::tbb::simple_partitioner()); });
+}
+
+}  // namespace palpate

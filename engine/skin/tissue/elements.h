@@ -1,0 +1,255 @@
+#pragma once
+// Elasticity and strain limits of the elements of a chunk: energy, gradient, positive definite Newton matrix.
+
+#include <algorithm>
+#include <limits>
+
+#include "engine/math/pose.h"
+#include "engine/skin/chunks/chunk.h"
+#include "engine/skin/solve/progress.h"
+#include "engine/skin/tissue/isotropic.h"
+
+namespace palpate::detail {
+
+template <class R>
+inline void add_block(ScalarOf<R>* blocks, int b, const Mat3<R>& K) {
+    ScalarOf<R>* p = blocks + static_cast<std::size_t>(b) * 9 * lane_width<R>;
+    store_mat3<R>(p, load_mat3<R>(p) + K);
+}
+template <class R>
+inline void add_vec3(ScalarOf<R>* p, const Vec3<R>& a) {
+    store_vec3<R>(p, load_vec3<R>(p) + a);
+}
+
+template <class R>
+inline Pose<R> load_pose(const ScalarOf<R>* p) {
+    constexpr int W = lane_width<R>;
+    return {load_vec3<R>(p), {load<R>(p + 3 * W), load<R>(p + 4 * W), load<R>(p + 5 * W), load<R>(p + 6 * W)}};
+}
+template <class R>
+inline void store_pose(ScalarOf<R>* p, const Pose<R>& pose) {
+    constexpr int W = lane_width<R>;
+    store_vec3<R>(p, pose.position);
+    store<R>(p + 3 * W, pose.rotation.w);
+    store<R>(p + 4 * W, pose.rotation.x);
+    store<R>(p + 5 * W, pose.rotation.y);
+    store<R>(p + 6 * W, pose.rotation.z);
+}
+
+/// Penalty of a strain limit: it grows with the multiplier, so that the augmented Lagrangian stays convex
+/// against buckling (below about 2 |Lambda| / low equilibria under 1000 N became saddles; at 6 all of the tests'
+/// converge, at 20 Newton needs three times the iterations), and so that T keeps two positive singular
+/// values (svd3.h allows one negative) however strong the compression.
+template <class R>
+inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
+    R squared(0);
+    for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
+    return maximum(base, R(6) * square_root(squared) / low);
+}
+
+/// What an evaluation is asked for: forces alone where no linear solve follows.
+enum class Want { forces, forces_and_matrix };
+
+/// Adds the nodal forces of an element's stress to an array [node][xyz].
+template <class R>
+inline void scatter_stress(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, const std::array<int, 4>& nodes,
+                           ScalarOf<R>* out) {
+    constexpr int W = lane_width<R>;
+    Vec3<R> gradient[4];
+    for (auto& v : gradient) v = {R(0), R(0), R(0)};
+    add_gradient(P, g, volume, gradient);
+    for (int a = 0; a < 4; ++a) add_vec3<R>(&out[3 * nodes[a] * W], gradient[a]);
+}
+
+/// Stiffness of any isotropic energy of one element.
+template <class R>
+inline void add_general_stiffness(SkinChunk<ScalarOf<R>>& c, std::size_t e, const SignedSvd<R>& svd,
+                                  const PrincipalTerms<R>& terms, const Vec3<R> g[3], const R& volume) {
+    ElementBlocks<R> blocks;
+    for (auto& block : blocks.block) block = Mat3<R>::zero();
+    add_stiffness(svd, terms, g, volume, blocks);
+    for (int b = 0; b < 10; ++b)
+        add_block<R>(c.scratch.blocks.data(), c.topology->element_block[e][b], blocks.block[b]);
+}
+
+/// Strain limit of one element in the masked lanes. Adds to gradient and blocks, writes the updated multiplier.
+template <Want want, class R>
+inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                             const Vec3<R> g[3], const R& volume, const R& exactness, MaskOf<R> lanes,
+                             Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
+    const Vec3<R>& s = svd.sigma;
+    const MaskOf<R> beyond =
+        lanes & ((s[0] > high) | (s[1] > high) | (s[2] > high) | (s[0] < low) | (s[1] < low) | (s[2] < low));
+    if (any(beyond)) {
+        R excess(0);
+        for (int i = 0; i < 3; ++i) excess = maximum(maximum((s[i] - high) / high, (low - s[i]) / low), excess);
+        out.violation = maximum(select(lanes, excess, R(0)), out.violation);
+    }
+    Mat3<R> multiplier = Mat3<R>::zero();
+    R largest(0);
+    if (!c.limits.unloaded) {
+        multiplier = load_mat3<R>(&c.state.limit_multiplier[9 * e * W]);
+        for (int i = 0; i < 9; ++i) largest = maximum(absolute(multiplier.m[i / 3][i % 3]), largest);
+    }
+    const MaskOf<R> loaded = lanes & (largest > R(0));
+    ScalarOf<R>* candidate = &c.scratch.limit_candidate[9 * e * W];
+    auto keep_candidate = [&](const Mat3<R>& stress) {
+        store_mat3<R>(candidate, select(lanes, stress, load_mat3<R>(candidate)));
+    };
+    if (!any(loaded | beyond)) {
+        if (!c.limits.candidates_clear) keep_candidate(Mat3<R>::zero());
+        return;
+    }
+    multiplier = select(lanes, multiplier, Mat3<R>::zero());
+    c.limits.met = true;
+    c.limits.candidates_clear = false;
+    const R k =
+        limit_penalty(multiplier, low, load<R>(&c.rest.limit_penalty[e * W]) * load<R>(&c.state.penalty_scale[0]));
+    SignedSvd<R> shifted = svd;
+    if (any(loaded)) {
+        const SignedSvd<R> own = signed_svd(F + (R(1) / k) * multiplier, svd.V);
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j) {
+                shifted.U[i][j] = select(loaded, own.U[i][j], svd.U[i][j]);
+                shifted.V[i][j] = select(loaded, own.V[i][j], svd.V[i][j]);
+            }
+            shifted.sigma[i] = select(loaded, own.sigma[i], svd.sigma[i]);
+        }
+    }
+    for (int i = 0; i < 3; ++i) shifted.sigma[i] = select(lanes, shifted.sigma[i], R(1));  // no terms elsewhere
+    const PrincipalTerms<R> terms =
+        blend_curvature(strain_limit<Curvature::exact>(shifted.sigma, low, high, k),
+                        strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
+    const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
+    scatter_stress(stress, g, volume, t.elements[e], c.scratch.gradient.data());
+    scatter_stress(stress - multiplier, g, volume, t.elements[e], c.scratch.pending.data());
+    if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, shifted, terms, g, volume);
+    R squared(0);
+    for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
+    out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
+    out.limited += select(dot(terms.stress, terms.stress) > R(0), R(1), R(0));
+    keep_candidate(stress);
+}
+
+/// Elasticity of any material, from its terms with exact and with positive curvature.
+template <Want want, class R>
+inline void add_elasticity(SkinChunk<ScalarOf<R>>& c, std::size_t e, const SignedSvd<R>& svd, const Vec3<R> g[3],
+                           const R& volume, const PrincipalTerms<R>& exact, const PrincipalTerms<R>& positive,
+                           const R& exactness, Evaluation<R>& out) {
+    const PrincipalTerms<R> terms = blend_all_curvature(exact, positive, exactness);
+    out.energy += volume * terms.energy;
+    scatter_stress(principal_to_matrix(svd, terms.stress), g, volume, c.topology->elements[e],
+                   c.scratch.gradient.data());
+    if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, svd, terms, g, volume);
+}
+
+template <class R>
+inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
+    constexpr int W = lane_width<R>;
+    Vec3<R> x[4], g[3];
+    for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&c.state.position[3 * c.topology->elements[e][a] * W]);
+    for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
+    return deformation_gradient(x, g);
+}
+
+/// Elements whose stretches are this near a limit are watched while tissue is linear; the others then must not change
+/// by more than their distance from it.
+inline constexpr double watched_margin = 0.05;
+
+/// Notes for the masked lanes whether an element is near a limit, or held by one; how near the others are.
+template <class R>
+inline void watch_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Vec3<R>& sigma, MaskOf<R> lanes,
+                               Evaluation<R>& out) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
+    R margin(std::numeric_limits<T>::max()), largest(0);
+    for (int i = 0; i < 3; ++i) margin = minimum(minimum(high - sigma[i], sigma[i] - low), margin);
+    if (!c.limits.unloaded)
+        for (int i = 0; i < 9; ++i)
+            largest = maximum(absolute(load<R>(&c.state.limit_multiplier[(9 * e + std::size_t(i)) * W])), largest);
+    const MaskOf<R> near = (margin < R(T(watched_margin))) | (largest > R(0));
+    T* watched = &c.linear.watched[e * W];
+    store<R>(watched, select(lanes, select(near, R(1), R(0)), load<R>(watched)));
+    out.margin = minimum(select(near, out.margin, margin), out.margin);
+}
+
+/// What each lane's elements are asked for.
+template <class R>
+struct ElementRequest {
+    MaskOf<R> limits;     ///< strain limits, too
+    R exactness;          ///< of the curvature of elasticity
+    R limit_exactness;    ///< and of limits
+    MaskOf<R> watched{};  ///< which of their elements are near a limit
+    bool watches = false;
+};
+
+/// Elasticity and strain limit of one element with deformation gradient F.
+template <Want want, class R>
+inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                        const ElementRequest<R>& request, Evaluation<R>& out) {
+    const R& exactness = request.exactness;
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const auto& nodes = t.elements[e];
+    Vec3<R> g[3], force[4];
+    for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
+    const R volume = load<R>(&c.rest.volume[e * W]);
+    store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
+
+    const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
+    if (c.material == Material::saint_venant_kirchhoff) {
+        add_elasticity<want>(c, e, svd, g, volume, saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
+                             saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness, out);
+    } else if (c.material == Material::neo_hookean) {
+        add_elasticity<want>(c, e, svd, g, volume, neo_hookean<Curvature::exact>(svd.sigma, mu, lambda),
+                             neo_hookean<Curvature::positive>(svd.sigma, mu, lambda), exactness, out);
+    } else {
+        const PrincipalTerms<R> elastic =
+            blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
+                            corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
+        out.energy += volume * elastic.energy;
+        const PrincipalGradients<R> principal = principal_gradients(svd, g);
+        principal_force(svd, principal, elastic.stress, volume, force);
+        for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
+        if constexpr (want == Want::forces_and_matrix)
+            add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
+                return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
+            });
+    }
+    if (!c.has_limits) return;
+    if (request.watches) watch_strain_limit(c, e, svd.sigma, request.watched, out);
+    add_strain_limit<want>(c, e, F, svd, g, volume, request.limit_exactness, request.limits, out);
+}
+
+/// Elasticity and strain limit of every element. Where a register takes several elements, they are decomposed
+/// together: a decomposition alone is one long chain of operations that wait for each other.
+template <Want want, class R>
+inline void add_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const std::size_t count = c.topology->elements.size();
+    if constexpr (shares_register<R>) {
+        constexpr int batch = lane_width<typename WholeRegister<R>::type> / W;
+        Mat3<R> F[batch], guess[batch];
+        SignedSvd<R> svd[batch];
+        for (std::size_t first = 0; first < count; first += batch) {
+            const int n = int(std::min<std::size_t>(batch, count - first));
+            for (int k = 0; k < n; ++k) {
+                F[k] = element_deformation<R>(c, first + k);
+                guess[k] = load_mat3<R>(&c.state.svd_guess[9 * (first + k) * W]);
+            }
+            signed_svds<R>(F, guess, n, svd);
+            for (int k = 0; k < n; ++k) add_element<want>(c, first + k, F[k], svd[k], request, out);
+        }
+    } else {
+        for (std::size_t e = 0; e < count; ++e) {
+            const Mat3<R> F = element_deformation<R>(c, e);
+            add_element<want>(c, e, F, signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W])), request, out);
+        }
+    }
+}
+
+}  // namespace palpate::detail

@@ -1,0 +1,93 @@
+#include "scenes/load/finger_mesh.h"
+
+#include <algorithm>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "meshes/tetrahedralise.h"
+
+namespace palpate {
+
+namespace {
+
+void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
+    if (!r.bone_nodes.empty()) {
+        mesh.bone_nodes = r.bone_nodes;
+        std::sort(mesh.bone_nodes.begin(), mesh.bone_nodes.end());
+        mesh.bone_nodes.erase(std::unique(mesh.bone_nodes.begin(), mesh.bone_nodes.end()), mesh.bone_nodes.end());
+        if (mesh.bone_nodes.back() >= int(mesh.nodes.size()))
+            throw InputError("bone node " + std::to_string(mesh.bone_nodes.back()) +
+                             " does not exist: the mesh has nodes 0 to " + std::to_string(mesh.nodes.size() - 1));
+        mark_pad(mesh);
+    } else if (r.half_space) {
+        mark_half_space(mesh, r.half_space_normal, r.half_space_offset);
+    } else {
+        mark_regions(mesh, r.regions);
+    }
+}
+
+TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
+    FingerShape shape = finger_shape("middle");
+    shape.nail_drop = r.shape.nail_drop;
+    if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
+    const std::string key = std::to_string(r.elements) + " " + std::to_string(shape.nail_drop);
+    auto it = templates.find(key);
+    if (it == templates.end())
+        it = templates.emplace(key, tetrahedralise(finger_surface(shape), {.elements = r.elements})).first;
+    TetMesh mesh = it->second;
+    for (Point& p : mesh.nodes) {
+        p[0] *= r.shape.length / shape.length;
+        p[1] *= r.shape.width / shape.width;
+        p[2] *= r.shape.thickness / shape.thickness;
+    }
+    return mesh;
+}
+
+/// The surface in the finger frame, as the request says or as it is guessed.
+Surface oriented(const FingerMeshRequest& r, const Surface& surface, std::string& note) {
+    if (r.keep_frame) return surface;
+    if (r.orientation) return turn_to_finger_frame(surface, *r.orientation);
+    const OrientationGuess guess = guess_orientation(surface);
+    note += ", " + describe(guess);
+    if (guess.confidence < least_orientation_confidence) {
+        char text[300];
+        std::snprintf(text, sizeof text,
+                      ": how it lies is not certain (confidence %.2f, needed: %.2f; least sure: %s). Say it: mesh = { "
+                      "surface = \"...\", orientation = { tip = [%.2g, %.2g, %.2g], dorsal = [%.2g, %.2g, %.2g] } } is "
+                      "the guess; `palpate mesh FILE --picture out.svg` shows it",
+                      guess.confidence, least_orientation_confidence, guess.doubt.c_str(), guess.orientation.tip[0],
+                      guess.orientation.tip[1], guess.orientation.tip[2], guess.orientation.dorsal[0],
+                      guess.orientation.dorsal[1], guess.orientation.dorsal[2]);
+        throw InputError(r.file + text);
+    }
+    return turn_to_finger_frame(surface, guess.orientation);
+}
+
+}  // namespace
+
+TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
+    TetMesh mesh;
+    if (r.source == FingerMeshRequest::Source::parametric) {
+        mesh = parametric(r, templates);
+        note = "parametric finger";
+    } else if (r.source == FingerMeshRequest::Source::tets) {
+        mesh = read_tet_mesh(r.file, r.unit.empty() ? "mm" : r.unit);
+        note = r.file + " in " + (r.unit.empty() ? "mm" : r.unit);
+    } else {
+        const SurfaceFile file = read_surface(r.file, r.unit);
+        note = r.file + " in " + file.unit + (file.unit_was_guessed ? " (guessed)" : "");
+        mesh = tetrahedralise(oriented(r, file.surface, note), {.elements = r.elements});
+    }
+    mark_bone(mesh, r);
+    if (r.source == FingerMeshRequest::Source::parametric) {
+        FingerShape swollen = r.shape;
+        swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
+        change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
+    }
+    note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
+            std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
+            " bone nodes";
+    return mesh;
+}
+
+}  // namespace palpate

@@ -1,0 +1,35 @@
+#pragma once
+// The mesh of a scene's finger: parametric, from a surface, or finished.
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "meshes/finger_orientation.h"
+#include "meshes/finger_regions.h"
+#include "meshes/finger_shape.h"
+
+namespace palpate {
+
+struct FingerMeshRequest {
+    enum class Source { parametric, surface, tets } source = Source::parametric;
+    FingerShape shape;
+    std::string file, unit;
+    bool keep_frame = false;                         ///< the file's axes are the finger frame already
+    std::optional<FingerOrientation> orientation{};  ///< of the file; absent: guessed
+    int elements = 347;
+    FingerRegions regions;
+    bool half_space = false;  ///< bone nodes by half-space instead of regions
+    Point half_space_normal{0, 0, 1};
+    double half_space_offset = 0;  ///< [m]
+    std::vector<int> bone_nodes;   ///< bone nodes by list, if not empty
+};
+
+/// Templates of parametric fingers: fingers that differ in length, width, thickness and pad bulge only are one
+/// template, scaled, so that they share their connectivity (and with it chunks).
+using FingerTemplates = std::map<std::string, TetMesh>;
+
+/// Builds the mesh and says in `note` what was built and guessed. Throws InputError.
+TetMesh make_finger_mesh(const FingerMeshRequest& request, FingerTemplates& templates, std::string& note);
+
+}  // namespace palpate

@@ -1,0 +1,299 @@
+#include "scenes/load/finger_model.h"
+
+#include <toml++/toml.h>
+#include <algorithm>
+#include <sstream>
+
+#include "meshes/finger_presets.h"
+#include "meshes/input_error.h"
+#include "meshes/layers.h"
+#include "meshes/mesh_files.h"
+#include "scenes/load/section.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr double mm = unit::mm.si, kPa = unit::kPa.si;
+const std::vector<std::string> material_names{"corotational", "st-venant-kirchhoff", "neo-hookean"};  // as Material
+
+const Likely usual_young{0.5, 20000, "MPa", "Pa"};
+
+void read_shape(Section s, FingerMeshRequest& r) {
+    if (!s) return;
+    if (s.in_file()) r.source = FingerMeshRequest::Source::parametric;
+    std::string finger = "index";
+    s.choice("finger", finger, finger_shape_names(), "Sizes to begin with, of a median hand.");
+    if (s.has("finger")) r.shape = finger_shape(finger);
+    s.number("length_mm", r.shape.length, unit::mm, {10, 60}, "Cut to tip.");
+    s.number("width_mm", r.shape.width, unit::mm, {6, 40}, "Widest place.");
+    s.number("thickness_mm", r.shape.thickness, unit::mm, {6, 35}, "Pad to nail side, at the cut.");
+    s.number("pad_bulge", r.shape.pad_bulge, unit::one, {0, 0.5}, "Share by which the pad swells at its middle.");
+    s.number("nail_drop", r.shape.nail_drop, unit::one, {0, 0.5},
+             "Share of the dorsal half height lost towards the tip, over the nail.");
+    s.finish();
+}
+
+/// How a scan lies: directions in the axes of its file.
+void read_orientation(Section& mesh, FingerMeshRequest& r) {
+    Section o = mesh.table("orientation", "How a surface lies in its file; without it, that is guessed and said.");
+    if (!o) return;
+    Vec3<double> tip{1, 0, 0}, dorsal{0, 0, 1};
+    o.vector("tip", tip, unit::one, 1e6, "Direction of the tip, in the file's axes.");
+    o.vector("dorsal", dorsal, unit::one, 1e6, "Direction in which the nail faces, in the file's axes.");
+    for (const char* key : {"tip", "dorsal"})
+        o.require(key, "expected a direction of the file's axes, for example [0, 0, 1]");
+    if (o.in_file()) r.orientation = FingerOrientation{{tip.x, tip.y, tip.z}, {dorsal.x, dorsal.y, dorsal.z}};
+    if (o.sound("tip") && o.sound("dorsal") && !(norm(cross(tip, dorsal)) > 1e-3 * norm(tip) * norm(dorsal)))
+        o.complain("dorsal", "tip and dorsal must be two directions that are not parallel");
+    if (r.keep_frame && o.in_file())
+        mesh.complain("keep_frame", "a mesh has either its own frame or an orientation, not both");
+    o.finish();
+}
+
+void read_mesh_file(Section s, const std::filesystem::path& folder, bool has_shape, FingerMeshRequest& r) {
+    if (!s) return;
+    std::string surface, tets;
+    s.text("surface", surface, "A scanned finger: a closed surface (.obj, .stl, .ply, .off), meshed at load.");
+    s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
+    if (surface.empty() == tets.empty() && s.sound("surface") && s.sound("tets"))
+        s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
+    if (has_shape) s.complain("surface", "a finger has either a shape or a mesh, not both");
+    std::string unit = "mm";
+    s.choice("unit", unit, {"m", "cm", "mm"}, "Unit of the file; of a surface it is guessed where it is not said.");
+    s.boolean("keep_frame", r.keep_frame,
+              "The file's axes are the finger's already (x to the tip, y to the radial side, z from pad to nail): no "
+              "orientation is guessed.");
+    read_orientation(s, r);
+    if (s.in_file()) {
+        r.source = tets.empty() ? FingerMeshRequest::Source::surface : FingerMeshRequest::Source::tets;
+        r.file = (folder / (tets.empty() ? surface : tets)).lexically_normal().string();
+        if (s.has("unit")) r.unit = unit;
+    }
+    s.finish();
+}
+
+void read_bone(Section s, FingerMeshRequest& r) {
+    if (!s) return;
+    s.integers("nodes", r.bone_nodes, {0, 1e7 - 1}, "Bone nodes by number, from 0.");
+    Vec3<double> n{0, 0, 1};
+    s.vector("normal", n, unit::one, 1e3,
+             "Bone nodes by half-space instead: those on the positive side of a plane with this normal.");
+    double offset = 0;
+    s.number("offset_mm", offset, unit::mm, {-1000, 1000}, "Place of that plane along its normal.");
+    if (s.in_file()) {
+        r.half_space = s.has("normal");
+        r.half_space_normal = {n.x, n.y, n.z};
+        r.half_space_offset = offset;
+    }
+    if (r.half_space && s.sound("normal") && !(norm(n) > 0)) s.complain("normal", "a plane's normal has a length");
+    s.number("nail", r.regions.nail, unit::one, {0, 1},
+             "Share of the thickness, from the pad; above it is nail and back.");
+    s.number("cut", r.regions.cut, unit::one, {0, 1}, "Share of the length, from the proximal end, that is held.");
+    s.number("phalanx_length", r.regions.phalanx_length, unit::one, {0, 1},
+             "Share of the length reached by the bone, from the proximal end.");
+    s.number("phalanx_height", r.regions.phalanx_height, unit::one, {0, 1},
+             "Share of the thickness at which its axis lies.");
+    s.number("phalanx_radius", r.regions.phalanx_radius, unit::one, {0, 1}, "Its radius, as a share of the thickness.");
+    s.finish();
+}
+
+void read_layers(Section& owner, const FingerSpec& below, std::vector<TissueLayer>& layers) {
+    auto tables =
+        owner.tables("layer", "Layers of tissue from the skin inwards; what is deeper has the finger's own material.");
+    if (!tables.empty()) layers.clear();
+    for (Section& s : tables) {
+        TissueLayer l;
+        s.number("thickness_mm", l.thickness, unit::mm, {0.01, 20}, "Thickness of the layer.");
+        s.require("thickness_mm", "a layer needs its thickness");
+        l.young_modulus = below.young_modulus, l.limit_low = below.limit_low, l.limit_high = below.limit_high;
+        s.number("young_kPa", l.young_modulus, unit::kPa, in(unit::kPa, finger_bounds::young_modulus),
+                 "Young's modulus; by default that of the finger's material.", usual_young);
+        s.number("low", l.limit_low, unit::one, finger_bounds::limit_low,
+                 "Lower bound of its principal stretches; by default that of the finger's limits.");
+        s.number("high", l.limit_high, unit::one, finger_bounds::limit_high,
+                 "Upper bound of its principal stretches; by default that of the finger's limits.");
+        s.finish();
+        layers.push_back(l);
+    }
+}
+
+}  // namespace
+
+void read_material(Section s, FingerSpec& f) {
+    s.choice("kind", f.material, material_names, "Elasticity of the tissue.");
+    s.number("young_kPa", f.young_modulus, unit::kPa, in(unit::kPa, finger_bounds::young_modulus), "Young's modulus.",
+             usual_young);
+    s.number("poisson", f.poisson_ratio, unit::one, finger_bounds::poisson_ratio, "Poisson's ratio.");
+    s.number("density_kg_per_m3", f.density, unit::kg_per_m3, finger_bounds::density, "Density of the tissue.",
+             Likely{100, 10000, "g/cm^3", "g/m^3"});
+    s.finish();
+}
+
+void read_limits(Section s, FingerSpec& f) {
+    if (!s) return;
+    bool enabled = true;
+    s.boolean("enabled", enabled, "false: none, in spite of the table.");
+    if (s.in_file()) f.has_limits = enabled;
+    s.number("low", f.limit_low, unit::one, finger_bounds::limit_low, "Lower bound of principal stretches.");
+    s.number("high", f.limit_high, unit::one, finger_bounds::limit_high, "Upper bound of principal stretches.");
+    s.finish();
+}
+
+void read_finger_model(Section& s, const std::filesystem::path& folder, FingerModel& m) {
+    read_material(s.table("material", "What the tissue is made of."), m.spec);
+    read_limits(s.table("limits", "Bounds on principal stretches; without this table there are none."), m.spec);
+    Section shape = s.table("shape", "A parametric finger.");
+    read_shape(shape, m.mesh);
+    read_mesh_file(s.table("mesh", "A finger from a file, instead of a shape."), folder, shape.in_file(), m.mesh);
+    read_bone(s.table("bone",
+                      "Which nodes ride on the bone; by default those at the cut, under the nail and inside the "
+                      "phalanx."),
+              m.mesh);
+    read_layers(s, m.spec, m.layers);
+    s.integer("elements", m.mesh.elements, {20, 200000}, "Tetrahedra wanted, of a shape or a scanned surface.");
+}
+
+namespace {
+
+void read_finger_file(Section& root, const std::filesystem::path& folder, FingerModel& m) {
+    root.text("title", m.title, "What it is.");
+    root.text("source", m.source, "Where its numbers come from.");
+    read_finger_model(root, folder, m);
+}
+
+}  // namespace
+
+KeyInfo finger_file_keys() {
+    KeyInfo keys;
+    keys.name = "finger-file";
+    keys.sentence = "A file that `finger = \"...\"` names: shape and tissue of one finger. Presets are such files.";
+    Problems none;
+    Section root(nullptr, "", none, &keys);
+    FingerModel model;
+    read_finger_file(root, {}, model);
+    return keys;
+}
+
+std::vector<std::string> finger_preset_names() {
+    std::vector<std::string> names;
+    for (const FingerPreset& p : finger_presets()) names.emplace_back(p.name);
+    return names;
+}
+
+void read_named_finger(const std::string& name, const std::filesystem::path& folder, FingerModel& m,
+                       Problems& problems) {
+    const bool is_file = name.size() > 5 && name.ends_with(".toml");
+    Problems own{is_file ? (folder / name).lexically_normal() : std::filesystem::path(name), {}};
+    try {
+        toml::table table;
+        if (is_file) {
+            table = parse_toml(own.file);
+        } else {
+            const auto& presets = finger_presets();
+            const auto it = std::find_if(presets.begin(), presets.end(), [&](auto& p) { return p.name == name; });
+            if (it == presets.end())
+                throw InputError("expected the name of a finger (" + joined(finger_preset_names()) +
+                                 "), or a file that ends with .toml, found \"" + name + "\"");
+            table = toml::parse(it->text);
+        }
+        Section root(&table, "", own);
+        read_finger_file(root, own.file.parent_path(), m);
+        root.finish();
+    } catch (const InputError& error) {
+        own.messages.insert(own.messages.end(), error.messages.begin(), error.messages.end());
+    }
+    problems.warnings.insert(problems.warnings.end(), own.warnings.begin(), own.warnings.end());
+    problems.notes.insert(problems.notes.end(), own.notes.begin(), own.notes.end());
+    problems.messages.insert(problems.messages.end(), own.messages.begin(), own.messages.end());
+}
+
+void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
+    f.element_young.clear(), f.element_low.clear(), f.element_high.clear();
+    if (layers.empty()) return;
+    std::vector<double> thicknesses;
+    for (const TissueLayer& l : layers) thicknesses.push_back(l.thickness);
+    for (const std::vector<double>& shares : layer_shares(f.mesh, thicknesses)) {
+        double young = shares.back() * f.young_modulus, low = shares.back() * f.limit_low,
+               high = shares.back() * f.limit_high;
+        for (std::size_t k = 0; k < layers.size(); ++k) {
+            young += shares[k] * layers[k].young_modulus;
+            low += shares[k] * layers[k].limit_low;
+            high += shares[k] * layers[k].limit_high;
+        }
+        f.element_young.push_back(young);
+        f.element_low.push_back(low);
+        f.element_high.push_back(high);
+    }
+}
+
+FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::string& note) {
+    FingerSpec f = m.spec;
+    f.mesh = make_finger_mesh(m.mesh, templates, note);
+    apply_layers(m.layers, f);
+    if (!m.layers.empty()) note += ", " + std::to_string(m.layers.size() + 1) + " layers of tissue";
+    return f;
+}
+
+namespace {
+
+std::string orientation_text(const FingerMeshRequest& r) {
+    if (!r.orientation) return "";
+    std::ostringstream out;
+    auto put = [&](const char* name, const Point& p) {
+        out << name << " = [" << p[0] << ", " << p[1] << ", " << p[2] << "]";
+    };
+    put(", orientation = { tip", r.orientation->tip);
+    put(", dorsal", r.orientation->dorsal);
+    out << " }";
+    return out.str();
+}
+
+}  // namespace
+
+void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
+                       const std::vector<std::string>& comment) {
+    std::ostringstream out;
+    auto quoted = [](const std::string& s) {
+        std::ostringstream text;
+        text << toml::value<std::string>(s);
+        return text.str();
+    };
+    out.precision(6);
+    for (const std::string& line : comment) out << "# " << line << "\n";
+    if (!m.title.empty()) out << "title = " << quoted(m.title) << "\n";
+    if (!m.source.empty()) out << "source = " << quoted(m.source) << "\n";
+    const FingerMeshRequest& r = m.mesh;
+    out << "elements = " << r.elements << "\n";
+    if (r.source == FingerMeshRequest::Source::parametric)
+        out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
+            << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge
+            << ", nail_drop = " << r.shape.nail_drop << " }\n";
+    else
+        out << "mesh = { " << (r.source == FingerMeshRequest::Source::tets ? "tets" : "surface") << " = "
+            << quoted(std::filesystem::absolute(r.file).string())
+            << (r.unit.empty() ? "" : ", unit = \"" + r.unit + "\"") << (r.keep_frame ? ", keep_frame = true" : "")
+            << orientation_text(r) << " }\n";
+    if (!r.bone_nodes.empty()) {
+        out << "bone = { nodes = [";
+        for (std::size_t i = 0; i < r.bone_nodes.size(); ++i) out << (i ? ", " : "") << r.bone_nodes[i];
+        out << "] }\n";
+    } else if (r.half_space) {
+        out << "bone = { normal = [" << r.half_space_normal[0] << ", " << r.half_space_normal[1] << ", "
+            << r.half_space_normal[2] << "], offset_mm = " << r.half_space_offset / mm << " }\n";
+    } else {
+        out << "bone = { cut = " << r.regions.cut << ", nail = " << r.regions.nail
+            << ", phalanx_length = " << r.regions.phalanx_length << ", phalanx_height = " << r.regions.phalanx_height
+            << ", phalanx_radius = " << r.regions.phalanx_radius << " }\n";
+    }
+    out << "material = { kind = \"" << material_names[std::size_t(m.spec.material)]
+        << "\", young_kPa = " << m.spec.young_modulus / kPa << ", poisson = " << m.spec.poisson_ratio
+        << ", density_kg_per_m3 = " << m.spec.density << " }\n";
+    if (m.spec.has_limits) out << "limits = { low = " << m.spec.limit_low << ", high = " << m.spec.limit_high << " }\n";
+    for (const TissueLayer& l : m.layers)
+        out << "\n[[layer]]\nthickness_mm = " << l.thickness / mm << "\nyoung_kPa = " << l.young_modulus / kPa
+            << "\nlow = " << l.limit_low << "\nhigh = " << l.limit_high << "\n";
+    write_file(path, out.str());
+}
+
+}  // namespace palpate

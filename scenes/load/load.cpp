@@ -1,0 +1,235 @@
+#include <toml++/toml.h>
+#include <cstdio>
+
+#include "meshes/input_error.h"
+#include "scenes/load/find_scene.h"
+#include "scenes/load/finger_model.h"
+#include "scenes/load/load_devices.h"
+#include "scenes/load/load_motion.h"
+#include "scenes/load/load_objects.h"
+#include "scenes/load/load_solver.h"
+#include "scenes/load/scene.h"
+#include "scenes/load/section.h"
+#include "scenes/load/start_overlap.h"
+
+namespace palpate {
+
+namespace {
+
+void read_coupling(Section s, Coupling& c) {
+    using namespace coupling_bounds;
+    s.number("stiffness_N_per_mm", c.stiffness, unit::N_per_mm, in(unit::N_per_mm, stiffness),
+             "Force per distance with which the tracked pose draws the bone.", Likely{0.01, 1e4, "", "N/m"});
+    s.number("damping_Ns_per_m", c.damping, unit::Ns_per_m, damping, "Force per speed between tracked pose and bone.");
+    s.number("angular_stiffness_Nm_per_rad", c.angular_stiffness, unit::Nm_per_rad, angular_stiffness,
+             "Torque per angle with which the tracked pose turns the bone.");
+    s.number("angular_damping_Nms_per_rad", c.angular_damping, unit::Nms_per_rad, angular_damping,
+             "Torque per angular speed between them.");
+    s.number("max_force_N", c.max_force, unit::N, max_force, "The bone is drawn by no more than this.");
+    s.number("max_torque_Nm", c.max_torque, unit::Nm, max_torque, "The bone is turned by no more than this.");
+    s.number("max_speed_m_per_s", c.max_speed, unit::m_per_s, max_speed,
+             "A tracked pose that jumps is followed no faster; such steps are counted.", Likely{0.01, 100, "", "mm/s"});
+    s.number("max_spin_deg_per_s", c.max_spin, unit::deg_per_s, in(unit::deg_per_s, max_spin),
+             "A tracked pose that flips is followed no faster; such steps are counted.", Likely{60, 1e6, "rad/s", ""});
+    s.finish();
+}
+
+/// [filter]: a one-euro filter of tracked poses; without the table, none.
+void read_filter(Section s, std::optional<PoseFilter>& filter) {
+    if (!s) return;
+    PoseFilter f = filter.value_or(PoseFilter{});
+    s.number("min_cutoff_Hz", f.min_cutoff, unit::Hz, {1e-3, 1000}, "Cutoff of a finger at rest.");
+    s.number("Hz_per_mm_per_s", f.speed_factor, unit::Hz_per_mm_per_s, {0, 100}, "Rise of the cutoff with its speed.");
+    s.number("Hz_per_deg_per_s", f.turn_factor, unit::Hz_per_deg_per_s, {0, 100}, "And with that of its rotation.");
+    s.number("speed_cutoff_Hz", f.speed_cutoff, unit::Hz, {1e-3, 1000}, "Cutoff of the speeds' own low-pass.");
+    s.number("lead_ms", f.lead, unit::ms, {0, 200}, "How far ahead of the samples poses are extrapolated.");
+    s.finish();
+    if (s.in_file()) filter = f;
+}
+
+constexpr const char* coupling_sentence = "Virtual coupling from tracked pose to bone.";
+constexpr const char* filter_sentence = "One-euro filter of tracked poses; without this table there is none.";
+
+/// What all fingers have in common, as far as the scene's own tables say.
+FingerModel read_common_finger(Section& root) {
+    FingerModel model;
+    model.mesh.shape = finger_shape("index");
+    read_material(root.table("material", "What the tissue of all fingers is made of."), model.spec);
+    read_limits(
+        root.table("limits", "Bounds on principal stretches of all fingers; without this table there are none."),
+        model.spec);
+    read_coupling(root.table("coupling", coupling_sentence), model.spec.coupling);
+    read_filter(root.table("filter", filter_sentence), model.spec.filter);
+    return model;
+}
+
+void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerModel& m, Problems& problems) {
+    std::string named;
+    s.text(
+        "finger", named,
+        "Shape, tissue and limits from a preset (`palpate list`), or from a file that ends with .toml; the keys here "
+        "override it.");
+    if (named.empty()) return;
+    Problems found{problems.file, {}};
+    read_named_finger(named, folder, m, found);
+    if (!found.messages.empty()) s.complain_as_found("finger", found.messages);
+    for (const auto& warning : found.warnings) problems.warnings.push_back(warning);
+    for (const auto& note : found.notes) problems.notes.push_back(note);
+}
+
+/// The finger with its mesh; where there is none, its problems are the section's.
+void add_finger(Section& s, const FingerModel& m, FingerTemplates& templates, Scene& scene) {
+    std::string note;
+    try {
+        scene.spec.fingers.push_back(build_finger(m, templates, note));
+    } catch (const InputError& error) {
+        s.complain_as_found(m.mesh.file.empty() ? "shape" : "mesh", error.messages);
+        scene.spec.fingers.push_back(m.spec);
+    }
+    scene.mesh_notes.push_back(note);
+    scene.finger_models.push_back(m);
+}
+
+void read_fingers(Section& root, Scene& scene, const std::filesystem::path& folder, const HandSource& hands,
+                  Problems& problems) {
+    FingerTemplates templates;
+    const FingerModel model = read_common_finger(root);
+    std::vector<std::string> names;
+    for (Section& s : root.tables("finger", "A finger: its pad, what moves it, and its thimble.")) {
+        FingerModel m = model;
+        FingerSpec& f = m.spec;
+        const int index = int(scene.spec.fingers.size());
+        f.name = "finger " + std::to_string(index);
+        s.text("name", f.name, "What it is called in messages and results.");
+        check_name(s, f.name, names, "fingers");
+        names.push_back(f.name);
+        read_finger_preset(s, folder, m, problems);
+        read_finger_model(s, folder, m);
+        read_coupling(s.table("coupling", coupling_sentence), f.coupling);
+        read_filter(s.table("filter", filter_sentence), f.filter);
+        FingerMotion motion;
+        motion.keyframes = read_track(s, "Poses over time, relative to [hand]'s.");
+        read_followed(s, scene, hands, motion);
+        scene.finger_motions.push_back(std::move(motion));
+        Section device = s.table("device", "The thimble that it wears; without this table, none.");
+        if (s.in_file()) add_finger(s, m, templates, scene);
+        read_device(device, index, s.in_file() ? scene.spec.fingers.back().mesh : TetMesh{}, folder, scene);
+        s.finish();
+    }
+    if (root.in_file() && root.sound("finger") && scene.spec.fingers.empty())
+        root.complain("finger", "a scene needs at least one [[finger]]");
+}
+
+void read_scene(Section& root, Scene& scene, Problems& problems) {
+    const std::filesystem::path folder = scene.file.parent_path();
+    scene.title = scene.file.stem().string();
+    root.text("title", scene.title, "What it is called in summaries and pictures.");
+    root.number("duration_s", scene.duration, unit::s, {1e-3, 1e5}, "Simulated time of a run.",
+                Likely{0, 3600, "", "ms"});
+    SolverSettings& solver = scene.spec.solver;
+    root.number("dt_ms", solver.dt, unit::ms, in(unit::ms, solver_bounds::dt), "Time step of the simulation.",
+                Likely{0.02, 50, "seconds", "microseconds"});
+    if (Section hand = root.table("hand", "What moves all fingers together.")) {
+        scene.hand = read_track(hand, "Poses over time; a finger's own track is relative to them.");
+        hand.finish();
+    }
+    const HandSource hands = read_hand_source(root, scene, folder);
+    root.vector("gravity_m_per_s2", scene.spec.gravity, unit::m_per_s2, 1000, "Gravity, on bodies.");
+    read_objects(root, scene, folder);
+    read_fingers(root, scene, folder, hands, problems);
+    read_pair_frictions(root, scene);
+    read_solver(root.table("solver", "How the skin is solved: accuracy against time."), scene);
+    read_thimble_loop(root.table("thimbles", "What the loops of all thimbles share."), scene);
+    root.finish();
+}
+
+}  // namespace
+
+void print_warnings(const Scene& scene) {
+    for (const auto& w : scene.warnings) std::fprintf(stderr, "warning: %s\n", w.c_str());
+    for (const auto& n : scene.notes) std::fprintf(stderr, "note: %s\n", n.c_str());
+}
+
+KeyInfo scene_keys() {
+    KeyInfo keys;
+    keys.name = "scene";
+    keys.sentence = "A scene file.";
+    Problems none;
+    Section root(nullptr, "", none, &keys);
+    Scene scene;
+    read_scene(root, scene, none);
+    return keys;
+}
+
+TrackerPose::Sample placed(const Scene& scene, int finger, TrackerPose::Sample s) {
+    if (s.valid) s.pose = compose(compose(scene.tracker_pose, s.pose), scene.finger_motions[std::size_t(finger)].fit);
+    return s;
+}
+
+TrackerPose::Sample tracked_pose(const Scene& scene, int finger, double time) {
+    const FingerMotion& motion = scene.finger_motions[finger];
+    if (motion.followed_finger >= 0) {
+        const auto& recording = scene.recordings[std::size_t(motion.hand)];
+        TrackerPose::Sample s;
+        if (recording)
+            s = sample_recording(*recording, motion.followed_finger,
+                                 time * scene.recording_speed + scene.recording_start);
+        s.time = time;
+        return placed(scene, finger, s);
+    }
+    TrackerPose::Sample s;
+    s.pose = compose(trajectory_pose(scene.hand, time), trajectory_pose(motion.keyframes, time));
+    s.time = time;
+    s.valid = true;
+    return s;
+}
+
+namespace {
+
+/// A finger starts where it is tracked first; one that waits for a live hand, where its track begins.
+void place_fingers(Scene& scene) {
+    for (int i = 0; i < int(scene.spec.fingers.size()); ++i) {
+        TrackerPose::Sample s = tracked_pose(scene, i, 0);
+        if (scene.tracker.empty())
+            for (double t = 0; !s.valid && t < scene.duration; t += scene.spec.solver.dt) s = tracked_pose(scene, i, t);
+        if (!s.valid)
+            s.pose = compose(trajectory_pose(scene.hand, 0), trajectory_pose(scene.finger_motions[i].keyframes, 0));
+        scene.spec.fingers[i].start = s.pose;
+        scene.spec.fingers[i].start.rotation = normalised(s.pose.rotation);
+    }
+}
+
+/// Where a bare name was looked for in vain.
+std::string tried_for(const std::filesystem::path& name) {
+    std::string tried;
+    for (const auto& candidate : scene_candidates(name))
+        if (candidate != name) tried += (tried.empty() ? ", nor " : ", ") + candidate.string();
+    return tried;
+}
+
+}  // namespace
+
+Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+    Scene scene;
+    scene.file = file;
+    Problems problems{file, {}};
+    if (!std::filesystem::is_regular_file(file)) throw InputError(file.string() + ": no such file" + tried_for(file));
+    toml::table table = parse_toml(file);
+    for (const std::string& o : overrides) apply_override(table, o, problems);
+    Section root(&table, "", problems);
+    read_scene(root, scene, problems);
+    // What is wrong with the whole is said where each part of it is right.
+    if (problems.messages.empty()) check_boards(scene, problems);
+    if (problems.messages.empty())
+        for (const auto& sentence : scene.spec.validate()) problems.add(nullptr, sentence);
+    if (problems.messages.empty()) {
+        place_fingers(scene);
+        check_start(scene, problems);
+    }
+    if (!problems.messages.empty()) throw InputError(problems.messages);
+    scene.warnings = std::move(problems.warnings);
+    scene.notes = std::move(problems.notes);
+    return scene;
+}
+
+}  // namespace palpate

@@ -1,0 +1,77 @@
+#include "scenes/load/load_solver.h"
+
+#include "scenes/load/presets.h"
+
+namespace palpate {
+
+namespace {
+
+/// What is left out where a scene asks for levels of detail.
+void read_level_of_detail(Section& s, SolverSettings& v) {
+    using namespace solver_bounds;
+    bool automatic = false;
+    double tolerance = 0.02e-3, penetration = 0.1e-3, error = 0.01;
+    int level = 0;
+    s.choice({"level_of_detail", "detail"}, level, {"full", "auto"},
+             "\"auto\" leaves out what adds less than the three errors below; \"full\" computes everything.");
+    automatic = level == 1;
+    s.number(
+        {"level_of_detail_tolerance_mm", "detail_tolerance_mm"}, tolerance, unit::mm, in(unit::mm, detail_tolerance),
+        "With \"auto\": skin near no object, and off its rest shape by less than this, moves with its bone as one. "
+        "0: never.");
+    s.number({"level_of_detail_penetration_mm", "detail_penetration_mm"}, penetration, unit::mm,
+             in(unit::mm, detail_penetration),
+             "With \"auto\": samples between nodes count only where they would be deeper in an object than this. 0: "
+             "always.");
+    s.number({"level_of_detail_error", "detail_error"}, error, unit::one, detail_error,
+             "With \"auto\": tissue stays linear while this adds no larger an error, relative to the contact force. 0: "
+             "never.");
+    v.detail_tolerance = automatic ? tolerance : 0;
+    v.detail_error = automatic ? error : 0;
+    v.detail_penetration = automatic ? penetration : 0;
+}
+
+}  // namespace
+
+void read_solver(Section s, Scene& scene) {
+    using namespace solver_bounds;
+    SolverSettings& v = scene.spec.solver;
+    s.choice(
+        "preset", scene.preset, preset_names(),
+        "Settings that belong together, from a step's lowest cost to its highest accuracy; the keys below override "
+        "single ones.",
+        {{"real-time", "balanced"}});
+    apply_preset(scene.preset, v);
+    s.number("deadline_ms", scene.deadline, unit::ms, {0, 1e4},
+             "Steps down a preset when a step takes longer than this, and up again when there is slack. 0: never.");
+    s.integer("newton_iterations", v.newton_iterations, newton_iterations, "Most linear solves in one step.");
+    s.number("tolerance", v.tolerance, unit::one, tolerance, "Force residual, relative to the forces acting.");
+    s.number("multiplier_tolerance", v.multiplier_tolerance, unit::one, multiplier_tolerance,
+             "Change of contact forces and limit stresses that may be pending, relative to the forces acting.");
+    s.number("multiplier_gate", v.multiplier_gate, unit::one, multiplier_gate,
+             "Multipliers are updated once the residual is below this share of the change that the update brings.");
+    s.integer("contact_iterations", v.contact_iterations, contact_iterations,
+              "Most linear solves that follow contacts along one Newton direction.");
+    s.number("contact_share", v.contact_share, unit::one, contact_share,
+             "Contacts are followed while they leave more than this share of the residual.");
+    s.integer("sample_refinement", v.sample_refinement, sample_refinement,
+              "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces.");
+    s.number("limit_tolerance", v.limit_tolerance, unit::one, limit_tolerance,
+             "Relative excess allowed over a strain limit.");
+    s.number("contact_tolerance_um", v.contact_tolerance, unit::um, in(unit::um, contact_tolerance),
+             "Penetration allowed.");
+    s.number("recovery_speed_mm_per_s", v.recovery_speed, unit::mm_per_s, in(unit::mm_per_s, recovery_speed),
+             "Speed at which objects that overlap part; it is no velocity afterwards.");
+    s.number("sleep_speed_um_per_s", v.sleep_speed, unit::um_per_s, in(unit::um_per_s, sleep_speed),
+             "A finger near no object that moves slower than this, and whose target is still, is skipped. 0: never.");
+    read_level_of_detail(s, v);
+    bool statics = !v.inertia;
+    s.boolean("static", statics, "Static equilibrium in every step: no inertia, no damping.");
+    v.inertia = !statics;
+    int precision = 0;
+    s.choice("precision", precision, {"double", "float"}, "Arithmetic of the skin; \"float\" is faster.");
+    for (FingerSpec& f : scene.spec.fingers) f.single_precision = precision == 1;
+    s.finish();
+}
+
+}  // namespace palpate

@@ -1,0 +1,54 @@
+// "path=value" on the command line.
+
+#include <toml++/toml.h>
+#include <sstream>
+
+#include "scenes/load/section.h"
+
+namespace palpate {
+
+namespace {
+
+/// Entry of an array of tables, by number or by the value of its "name".
+toml::node* find_entry(toml::array& array, const std::string& key) {
+    for (auto& entry : array)
+        if (entry.is_table() && (*entry.as_table())["name"].value_or(std::string()) == key) return &entry;
+    char* end = nullptr;
+    const long index = std::strtol(key.c_str(), &end, 10);
+    return !*end && !key.empty() && index >= 0 && index < long(array.size()) ? &array[std::size_t(index)] : nullptr;
+}
+
+}  // namespace
+
+void apply_override(toml::table& root, const std::string& assignment, Problems& problems) {
+    const std::string where = "--set " + assignment + ": ";
+    const std::size_t equals = assignment.find('=');
+    if (equals == std::string::npos || equals == 0) return problems.add(nullptr, where + "expected key=value");
+    std::vector<std::string> keys;
+    std::istringstream path(assignment.substr(0, equals));
+    for (std::string key; std::getline(path, key, '.');) keys.push_back(key);
+    toml::node* node = &root;
+    for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
+        if (node->is_array())
+            node = find_entry(*node->as_array(), keys[i]);
+        else if (node->is_table()) {
+            if (!node->as_table()->contains(keys[i])) node->as_table()->insert(keys[i], toml::table{});
+            node = node->as_table()->get(keys[i]);
+        } else
+            node = nullptr;
+        if (!node) return problems.add(nullptr, where + "there is no '" + keys[i] + "' to set");
+    }
+    const std::string value = assignment.substr(equals + 1);
+    if (node->is_array() || !node->is_table() || keys.empty())
+        return problems.add(nullptr, where + "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table");
+    toml::table parsed;
+    try {
+        parsed = toml::parse("v = " + value);
+    } catch (const toml::parse_error&) {
+        parsed = toml::table{{"v", value}};  // words need no quotes on a command line
+    }
+    // A copy carries no line of the file: messages about it name the key alone.
+    parsed.get("v")->visit([&](const auto& v) { node->as_table()->insert_or_assign(keys.back(), v); });
+}
+
+}  // namespace palpate

@@ -1,0 +1,147 @@
+#include "scenes/load/start_overlap.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/bodies/body_contact.h"
+#include "meshes/triangle_tree.h"
+
+namespace palpate {
+
+namespace {
+
+Vec3<double> vec(const Point& p) { return {p[0], p[1], p[2]}; }
+Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
+
+std::string mm_text(double metres) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.2g mm", 1e3 * metres);
+    if (metres >= 0.1) std::snprintf(text, sizeof text, "%.0f mm", 1e3 * metres);
+    return text;
+}
+
+double thickness(const TetMesh& mesh) {
+    double low = HUGE_VAL, high = -HUGE_VAL;
+    for (const Point& p : mesh.nodes) low = std::min(low, p[2]), high = std::max(high, p[2]);
+    return high - low;
+}
+
+bool inside(const TetMesh& mesh, const std::array<int, 4>& tet, const Eigen::Vector3d& x) {
+    auto node = [&](int k) { return eigen(vec(mesh.nodes[std::size_t(tet[std::size_t(k)])])); };
+    Eigen::Matrix3d edges;
+    for (int k = 0; k < 3; ++k) edges.col(k) = node(k + 1) - node(0);
+    const Eigen::Vector3d b = edges.partialPivLu().solve(x - node(0));
+    return b.minCoeff() >= 0 && b.sum() <= 1;
+}
+
+/// How deep the features of a lie in b [m].
+double feature_depth(const ObjectSpec& a, const ObjectSpec& b) {
+    double depth = -HUGE_VAL;
+    auto take = [&](const Vec3<double>& local, double radius) {
+        depth = std::max(depth, radius - surface_point(b.shape, b.pose, transform(a.pose, local)).distance);
+    };
+    for (const Feature& f : features_of(a.shape)) {
+        if (!(dot(f.axis, f.axis) > 0)) {
+            take(f.point, f.radius);
+            continue;
+        }
+        constexpr int around = 16;  // places on the rim of a disc, whose axis is z
+        for (int i = 0; i < around; ++i) {
+            const double angle = 2 * unit::pi * i / around;
+            take(f.point + f.radius * Vec3<double>{std::cos(angle), std::sin(angle), 0}, 0);
+        }
+    }
+    return depth;
+}
+
+void check_fingers_in_objects(const Scene& scene, Problems& problems) {
+    for (const FingerSpec& f : scene.spec.fingers)
+        for (const ObjectSpec& o : scene.spec.objects) {
+            const double depth = start_depth(f, o), most = 0.5 * thickness(f.mesh);
+            if (!(depth > finger_depth_said)) continue;
+            const std::string what =
+                "finger \"" + f.name + "\" starts " + mm_text(depth) + " inside object \"" + o.name + "\"";
+            // A live hand is elsewhere as soon as it is seen.
+            if (depth > most && scene.tracker.empty())
+                problems.add(nullptr, what + ", deeper than half its thickness (" + mm_text(most) +
+                                          "): let its track begin outside");
+            else
+                problems.warnings.push_back(problems.placed(nullptr, what + ": it is pushed out at once"));
+        }
+}
+
+void check_bodies(const Scene& scene, Problems& problems) {
+    const auto& objects = scene.spec.objects;
+    for (std::size_t i = 0; i < objects.size(); ++i)
+        for (std::size_t j = i + 1; j < objects.size(); ++j) {
+            if (!objects[i].body && !objects[j].body) continue;
+            const double depth = start_depth(objects[i], objects[j]);
+            if (!(depth > body_depth_said)) continue;
+            const std::string what = "objects \"" + objects[i].name + "\" and \"" + objects[j].name + "\" overlap by " +
+                                     mm_text(depth) + " at the start";
+            if (depth > body_depth_refused)
+                problems.add(nullptr, what + ": bodies that overlap by more than " + mm_text(body_depth_refused) +
+                                          " would be thrown apart");
+            else
+                problems.warnings.push_back(problems.placed(nullptr, what));
+        }
+}
+
+void check_fingers_in_fingers(const Scene& scene, Problems& problems) {
+    const auto& fingers = scene.spec.fingers;
+    for (std::size_t i = 0; i < fingers.size(); ++i)
+        for (std::size_t j = i + 1; j < fingers.size(); ++j) {
+            const double depth = std::max(start_depth(fingers[i], fingers[j]), start_depth(fingers[j], fingers[i]));
+            if (depth > finger_depth_said)
+                problems.warnings.push_back(problems.placed(nullptr, "fingers \"" + fingers[i].name + "\" and \"" +
+                                                                         fingers[j].name + "\" overlap by " +
+                                                                         mm_text(depth) + " at the start"));
+        }
+}
+
+}  // namespace
+
+double start_depth(const FingerSpec& f, const ObjectSpec& o) {
+    double depth = -HUGE_VAL;
+    for (int node : f.mesh.pad_nodes) {
+        const Vec3<double> x = transform(f.start, vec(f.mesh.nodes[std::size_t(node)]));
+        depth = std::max(depth, -surface_point(o.shape, o.pose, x).distance);
+    }
+    return depth;
+}
+
+double start_depth(const ObjectSpec& a, const ObjectSpec& b) {
+    return std::max(feature_depth(a, b), feature_depth(b, a));
+}
+
+double start_depth(const FingerSpec& a, const FingerSpec& b) {
+    Eigen::AlignedBox3d box;
+    for (const Point& p : b.mesh.nodes) box.extend(eigen(vec(p)));
+    std::vector<Eigen::Vector3d> in_box;
+    for (int node : a.mesh.pad_nodes) {
+        const Vec3<double> x = transform(a.start, vec(a.mesh.nodes[std::size_t(node)]));
+        if (const Eigen::Vector3d local = eigen(inverse_transform(b.start, x)); box.contains(local))
+            in_box.push_back(local);
+    }
+    if (in_box.empty()) return -HUGE_VAL;
+    const TriangleTree tree({b.mesh.nodes, b.mesh.surface});
+    // Some hundred of the points tell the depth well enough, however fine the meshes.
+    const std::size_t stride = 1 + in_box.size() / 200;
+    double depth = -HUGE_VAL;
+    for (std::size_t i = 0; i < in_box.size(); i += stride) {
+        const Eigen::Vector3d& x = in_box[i];
+        const double distance = (tree.nearest(x) - x).norm();
+        if (distance > depth &&
+            std::any_of(b.mesh.tets.begin(), b.mesh.tets.end(), [&](const auto& t) { return inside(b.mesh, t, x); }))
+            depth = distance;
+    }
+    return depth;
+}
+
+void check_start(const Scene& scene, Problems& problems) {
+    check_fingers_in_objects(scene, problems);
+    check_bodies(scene, problems);
+    check_fingers_in_fingers(scene, problems);
+}
+
+}  // namespace palpate

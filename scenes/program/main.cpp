@@ -1,0 +1,105 @@
+// The program. Exit codes: 0 done, 1 failure inside, 2 input that cannot be used.
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <map>
+
+#include "engine/skin/solve/kernels.h"
+#include "meshes/input_error.h"
+#include "scenes/program/command_table.h"
+#include "scenes/program/commands.h"
+#include "scenes/program/version.h"
+
+namespace {
+
+std::atomic<bool> stop_requested{false};
+extern "C" void request_stop(int) { stop_requested = true; }
+
+template <class Kernels>
+int widest(const Kernels& kernels) {
+    int width = 0;
+    for (const auto& kernel : kernels) width = std::max(width, kernel.width);
+    return width;
+}
+
+std::string indented(std::string lines) {
+    for (auto at = lines.find('\n'); at != std::string::npos; at = lines.find('\n', at + 1)) lines.insert(at + 1, "  ");
+    return "  " + lines;
+}
+
+std::string version_text() {
+    const palpate::KernelSet& kernels = palpate::best_kernels();
+    const std::string commit = palpate::program_commit;
+    return std::string("palpate ") + palpate::program_version + (commit.empty() ? "" : " (" + commit + ")") +
+           "\nkernels for " + kernels.instructions + ": " + std::to_string(widest(kernels.for_double)) +
+           " fingers side by side in double, " + std::to_string(widest(kernels.for_float)) + " in float";
+}
+
+/// CLI11's own message, unless a command or an option is mistyped; then what may have been meant.
+int complain(const CLI::App& program, const CLI::ParseError& error, const std::vector<std::string>& arguments) {
+    if (error.get_exit_code() == 0) return program.exit(error);
+    if (arguments.empty()) {
+        std::fputs(program.help().c_str(), stderr);
+        return 2;
+    }
+    const std::string meant = palpate::suggestion(palpate::command_table(program), arguments);
+    if (meant.empty())
+        program.exit(error);
+    else
+        std::fprintf(stderr, "palpate: %s\nRun with --help for more information.\n", meant.c_str());
+    return 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) std::signal(signal, request_stop);
+    std::signal(SIGPIPE, SIG_IGN);  // whoever read the output is gone: thimbles are still to be brought to rest
+    std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large is an error like others
+    CLI::App program{"palpate: feel virtual objects with several fingers at once", "palpate"};
+    program.require_subcommand(1);
+    program.set_version_flag("--version", version_text());
+    program.footer("Begin with: palpate new mine.toml");
+    const palpate::Command commands(&program);
+    std::map<std::string, palpate::Action> actions;
+    actions["new"] = palpate::add_new_command(commands);
+    actions["list"] = palpate::add_list_command(commands);
+    actions["run"] = palpate::add_run_command(commands, stop_requested);
+    actions["view"] = palpate::add_view_command(commands, stop_requested);
+    actions["explain"] = palpate::add_explain_command(commands, stop_requested);
+    actions["replay"] = palpate::add_replay_command(commands, stop_requested);
+    actions["convert"] = palpate::add_convert_command(commands, stop_requested);
+    actions["compare"] = palpate::add_compare_command(commands, stop_requested);
+    actions["sweep"] = palpate::add_sweep_command(commands, stop_requested);
+    actions["stress"] = palpate::add_stress_command(commands, stop_requested);
+    actions["mesh"] = palpate::add_mesh_command(commands);
+    actions["indent"] = palpate::add_indent_command(commands);
+    actions["calibrate"] = palpate::add_calibrate_command(commands, stop_requested);
+    actions["tracker"] = palpate::add_tracker_command(commands, stop_requested);
+    actions["emulate-tracker"] = palpate::add_emulate_tracker_command(commands, stop_requested);
+    actions["keys"] = palpate::add_keys_command(commands);
+    actions["device"] = palpate::add_device_command(commands);
+    actions["devices"] = palpate::add_devices_command(commands);
+    actions["doctor"] = palpate::add_doctor_command(commands);
+    actions["calibrate-thimble"] = palpate::add_calibrate_thimble_command(commands, stop_requested);
+    actions["jog"] = palpate::add_jog_command(commands, stop_requested);
+    actions["home"] = palpate::add_home_command(commands);
+    actions["completion"] = palpate::add_completion_command(commands);
+    actions["man"] = palpate::add_man_command(commands);
+    for (CLI::App* command : program.get_subcommands({}))
+        command->footer((command->get_footer().empty() ? "" : command->get_footer() + "\n\n") + "Examples:\n" +
+                        indented(palpate::examples_of(command->get_name())));
+    try {
+        program.parse(argc, argv);
+        return actions.at(program.get_subcommands().front()->get_name())();
+    } catch (const CLI::ParseError& error) {
+        return complain(program, error, {argv + 1, argv + argc});
+    } catch (const palpate::InputError& error) {
+        for (const auto& message : error.messages) std::fprintf(stderr, "%s\n", message.c_str());
+        return 2;
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "palpate: %s\n", error.what());
+        return 1;
+    }
+}

@@ -1,0 +1,80 @@
+#include "scenes/program/options.h"
+
+#include <CLI/CLI.hpp>
+
+#include "scenes/load/find_scene.h"
+
+namespace palpate {
+
+Option Option::required() {
+    option_->required();
+    return *this;
+}
+
+Option Option::range(int low, int high) {
+    option_->check(CLI::Range(low, high));
+    return *this;
+}
+
+Option Option::range(double low, double high) {
+    option_->check(CLI::Range(low, high));
+    return *this;
+}
+
+Option Option::among(const std::vector<std::string>& words) {
+    option_->check(CLI::IsMember(words));
+    return *this;
+}
+
+Option Option::comma_separated() {
+    option_->delimiter(',');
+    return *this;
+}
+
+Option Option::repeatable() {
+    option_->take_all()->allow_extra_args(false);
+    return *this;
+}
+
+Command Command::subcommand(const std::string& name, const std::string& description) const {
+    return Command(app_->add_subcommand(name, description));
+}
+
+Option Command::option(const std::string& name, std::string& value, const std::string& description) const {
+    return Option(app_->add_option(name, value, description));
+}
+
+Option Command::option(const std::string& name, int& value, const std::string& description) const {
+    return Option(app_->add_option(name, value, description));
+}
+
+Option Command::option(const std::string& name, double& value, const std::string& description) const {
+    return Option(app_->add_option(name, value, description));
+}
+
+Option Command::option(const std::string& name, std::vector<std::string>& values,
+                       const std::string& description) const {
+    return Option(app_->add_option(name, values, description));
+}
+
+Option Command::option(const std::string& name, std::vector<int>& values, const std::string& description) const {
+    return Option(app_->add_option(name, values, description));
+}
+
+Option Command::option(const std::string& name, std::vector<double>& values, const std::string& description) const {
+    return Option(app_->add_option(name, values, description));
+}
+
+Option Command::scene(const std::string& name, std::string& file, const std::string& description) const {
+    CLI::Option* option = app_->add_option(name, file, description);
+    option->transform([](const std::string& given) { return find_scene(given).string(); }, "");
+    return Option(option);
+}
+
+void Command::footer(const std::string& text) const { app_->footer(text); }
+
+Option Command::flag(const std::string& name, bool& value, const std::string& description) const {
+    return Option(app_->add_flag(name, value, description));
+}
+
+}  // namespace palpate

@@ -1,0 +1,188 @@
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "meshes/input_error.h"
+#include "scenes/program/commands.h"
+#include "scenes/recording/results.h"
+#include "scenes/recording/results_folder.h"
+#include "scenes/recording/run_file.h"
+#include "scenes/run/budget.h"
+#include "scenes/run/dead_man.h"
+#include "scenes/run/hardware.h"
+#include "scenes/viewer/report.h"
+
+namespace palpate {
+
+namespace {
+
+struct RunArguments {
+    std::string scene, out, report, record, tracker, hold;
+    std::vector<std::string> overrides;
+    int threads = 0;
+    double duration = 0, pads_per_second = 0, budget_ms = 0;
+    bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false;
+};
+
+/// A bar on a terminal, nothing elsewhere.
+std::function<void(double)> progress_bar(bool quiet) {
+    if (quiet || !isatty(STDERR_FILENO)) return {};
+    return [last = -1](double share) mutable {
+        const int percent = int(100 * share);
+        if (percent == last) return;
+        last = percent;
+        std::string bar(std::size_t(percent / 2), '#');
+        bar.resize(50, '.');
+        std::fprintf(stderr, "\r[%s] %3d %%%s", bar.c_str(), percent, percent == 100 ? "\n" : "");
+    };
+}
+
+/// Enter on a terminal clears the faults of thimbles whose cause is gone.
+struct RearmKey {
+    bool listens = isatty(STDIN_FILENO) != 0;
+    int steps = 0;
+    void look(Simulation& s) {
+        if (!listens || ++steps % 20) return;
+        pollfd p{STDIN_FILENO, POLLIN, 0};
+        if (::poll(&p, 1, 0) <= 0) return;
+        char line[64];
+        listens = ::read(STDIN_FILENO, line, sizeof line) > 0;
+        for (auto& loop : s.loops) loop->rearm_asked = listens;
+    }
+};
+
+/// The preset for a budget; says what was measured.
+std::string affordable_preset(const RunArguments& a, const std::vector<std::string>& overrides,
+                              const std::atomic<bool>& stop) {
+    const BudgetChoice choice = preset_within(a.budget_ms, a.scene, overrides, a.threads, stop);
+    std::string told;
+    for (const PresetTime& t : choice.tried) {
+        char line[80];
+        std::snprintf(line, sizeof line, "%s%s %.2f ms%s", told.empty() ? "" : ", ", t.preset.c_str(), t.p99_ms,
+                      t.cached ? " (measured earlier)" : "");
+        told += line;
+    }
+    if (choice.preset.empty() && !stop)
+        throw InputError(a.scene + ": no preset keeps its steps within " + std::to_string(a.budget_ms) +
+                         " ms on this machine (p99: " + told + "); fewer elements, or fewer fingers, would");
+    if (!a.quiet && !a.json) std::printf("budget %.3g ms: p99 of a step: %s\n", a.budget_ms, told.c_str());
+    return choice.preset.empty() ? "fast" : choice.preset;
+}
+
+/// False, and says why, where not all of it could be written.
+bool end_recording(RunWriter& record) {
+    record.finish();
+    if (record.failure().empty()) return true;
+    std::fprintf(stderr, "%s; the recording ends there\n", record.failure().c_str());
+    return false;
+}
+
+int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
+    std::vector<std::string> overrides = a.overrides;
+    if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
+    if (a.statics) overrides.push_back("solver.static=true");
+    if (a.budget_ms > 0) overrides.push_back("solver.preset=" + affordable_preset(a, overrides, stop));
+    Scene scene = load_scene(a.scene, overrides);
+    print_warnings(scene);
+    if (!a.quiet && !a.json)
+        for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
+            std::printf("%s: %s\n", scene.spec.fingers[i].name.c_str(), scene.mesh_notes[i].c_str());
+    if (!a.quiet && !a.json)
+        for (const auto& recording : scene.recordings)
+            if (recording && !recording->note.empty()) std::printf("recorded hand: %s\n", recording->note.c_str());
+    const std::filesystem::path folder =
+        a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
+    Simulation simulation = make_simulation(std::move(scene), a.threads);
+    const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
+    if (!source.empty()) follow_live(simulation, std::make_shared<LiveHands>(source));
+    if (simulation.live && !a.quiet && !a.json)
+        std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
+    ReportRecorder report;
+    const auto show = progress_bar(a.quiet);
+    ResultsFolder results(folder);
+    if (a.arm)
+        arm(simulation, {!a.no_watchdog, folder});
+    else if (!a.quiet && !a.json && drives_hardware(simulation.scene))
+        std::printf("thimbles are simulated; --arm moves the real ones\n");
+    std::optional<PadSeries> pads;
+    if (a.pads_per_second > 0) pads.emplace(results.part(), a.pads_per_second);
+    std::exception_ptr pads_failure;  // thrown when the run is over, and thimbles are at rest
+    std::unique_ptr<RunWriter> record;
+    if (!a.record.empty()) record = std::make_unique<RunWriter>(a.record, simulation, overrides);
+    std::unique_ptr<DeadMan> dead_man;
+    if (a.arm && !a.hold.empty()) {
+        dead_man = make_dead_man(a.hold);
+        obey_dead_man(*dead_man, simulation);
+    }
+    RearmKey rearm_key;
+    if (dead_man && dead_man->uses_terminal) rearm_key.listens = false;
+    run(simulation, stop, [&](const StepInputs& inputs, double share) {
+        if (a.arm) rearm_key.look(simulation);
+        if (dead_man) obey_dead_man(*dead_man, simulation);
+        if (!a.report.empty()) report.record(simulation);
+        if (record) record->record(inputs, simulation);
+        try {
+            if (pads && !pads_failure) pads->record(simulation);
+        } catch (const std::exception&) { pads_failure = std::current_exception(); }
+        if (show) show(share);
+    });
+    const bool record_failed = record && !end_recording(*record);
+    const Summary summary = summarise(simulation);
+    if (pads_failure) std::rethrow_exception(pads_failure);
+    write_results(results.part(), simulation, summary);
+    if (pads) pads->finish(simulation);
+    const std::vector<std::string> replaced = results.finish();
+    if (!a.report.empty()) report.write(a.report, simulation, summary);
+    if (a.arm && !a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
+    if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
+    if (a.json)
+        std::printf("%s\n", to_json(summary).dump(2).c_str());
+    else if (!a.quiet)
+        std::printf(
+            "\n%s\n%zu files in %s (picture.svg, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
+            to_text(summary).c_str(), results.files(), folder.string().c_str());
+    if (!a.json && !a.quiet)
+        for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
+    if (stop) std::fprintf(stderr, "stopped early at %.3f s\n", simulation.world.time);
+    bool at_rest = true;
+    const std::string rest = rest_report(simulation, at_rest);
+    if (!at_rest || stop || !a.quiet) std::fprintf(stderr, "%s", rest.c_str());
+    return stop ? 130 : record_failed ? 1 : 0;
+}
+
+}  // namespace
+
+Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
+    const Command c = program.subcommand("run", "simulate a scene");
+    auto a = std::make_shared<RunArguments>();
+    c.scene("scene", a->scene, "scene file (.toml) or bare name").required();
+    c.option("--out", a->out, "folder for results (default: results/SCENE)");
+    c.option("--pads-per-second", a->pads_per_second, "also write pads over time for ParaView (.vtu, .pvd)")
+        .range(1e-3, 1e5);
+    c.option("--record", a->record, "record inputs and outcome of every step; `palpate replay` runs it again");
+    c.option("--tracker", a->tracker,
+             "fingers that follow a hand follow a live one, in real time: udp:PORT, websocket:PORT, "
+             "ultraleap[:HOST:PORT]");
+    c.option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
+    c.option("--set", a->overrides, "override a value of the scene, for example finger.index.material.young_kPa=40")
+        .repeatable();
+    c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
+    c.option("--duration", a->duration, "seconds to simulate (default: the scene's)").range(1e-3, 1e5);
+    c.flag("--static", a->statics, "static equilibrium in every step: no inertia, no damping");
+    c.option("--budget-ms", a->budget_ms,
+             "take the most accurate preset whose steps (p99) end within this time on this machine")
+        .range(1e-3, 1e4);
+    c.flag("--arm", a->arm, "drive real thimbles, in real time; without it nothing moves");
+    c.option("--hold", a->hold,
+             "with --arm: thimbles move only while this is held: key, joystick:/dev/input/js0[:BUTTON], "
+             "heartbeat:PORT");
+    c.flag("--no-watchdog", a->no_watchdog, "drive controllers that would hold their force if palpate were killed");
+    c.flag("--quiet", a->quiet, "print nothing but errors");
+    c.flag("--json", a->json, "print the summary as JSON");
+    return [a, &stop] { return run_scene(*a, stop); };
+}
+
+}  // namespace palpate

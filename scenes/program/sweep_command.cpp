@@ -1,0 +1,328 @@
+// `palpate sweep`: what settings cost and what they lose.
+
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "scenes/program/commands.h"
+#include "scenes/program/version.h"
+#include "scenes/recording/svg.h"
+#include "scenes/run/budget.h"
+#include "scenes/studies/shards.h"
+#include "scenes/studies/sweep.h"
+
+namespace palpate {
+
+namespace {
+
+struct SweepArguments {
+    std::string scene, out;
+    std::vector<std::string> overrides, axes;
+    double reference_dt_ms = 0;
+    int threads = 0;
+    bool quiet = false;
+};
+
+const char* const columns =
+    "field_error,net_error,area_error,platform_mm,seconds_per_second,median_us,p99_us,dt_ms,limit_violation,"
+    "penetration_um,converged,resets,failed";
+
+std::string row_of(const SweepPoint& p) {
+    std::ostringstream out;
+    out.precision(9);
+    for (const std::string& v : p.values) out << v << ",";
+    out << p.errors.field << "," << p.errors.net << "," << p.errors.area << "," << p.errors.platform_mm << ","
+        << p.seconds_per_second << "," << p.median_us << "," << p.p99_us << "," << p.dt_ms << "," << p.limit_violation
+        << "," << p.penetration_um << "," << p.converged << "," << p.resets << "," << int(p.failed);
+    return out.str();
+}
+
+/// Rows by their settings; one that was not finished is left out.
+void read_rows(const std::string& text, std::size_t axes, std::map<std::vector<std::string>, SweepPoint>& rows) {
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) {
+        if (line.empty() || line[0] == '#') continue;
+        std::vector<std::string> cells;
+        std::istringstream cut(line);
+        for (std::string cell; std::getline(cut, cell, ',');) cells.push_back(cell);
+        if (cells.size() != axes + 13) continue;
+        SweepPoint p;
+        p.values.assign(cells.begin(), cells.begin() + std::ptrdiff_t(axes));
+        auto number = [&](std::size_t i) { return std::strtod(cells[axes + i].c_str(), nullptr); };
+        p.errors = {number(0), number(1), number(2), number(3)};
+        p.seconds_per_second = number(4), p.median_us = number(5), p.p99_us = number(6), p.dt_ms = number(7);
+        p.limit_violation = number(8), p.penetration_um = number(9), p.converged = number(10);
+        p.resets = std::int64_t(number(11)), p.failed = number(12) != 0;
+        rows[p.values] = p;
+    }
+}
+
+/// Those of an earlier, interrupted sweep of the same kind.
+std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::path& file, const std::string& header,
+                                                         std::size_t axes) {
+    std::map<std::vector<std::string>, SweepPoint> rows;
+    std::ifstream in(file);
+    std::string text;
+    bool same = false;
+    for (std::string line; std::getline(in, line);) {
+        if (same && !in.eof()) text += line + "\n";
+        same |= line == header;
+    }
+    read_rows(text, axes, rows);
+    return rows;
+}
+
+using References = std::map<SweepReference, ReferenceRun>;
+
+std::string short_key(const std::string& key) { return key.substr(key.rfind('.') + 1); }
+
+/// The axis whose values are curves: that of meshes, or the first one that the first point sets.
+std::size_t axis_of_curves(const SweepPlan& plan, const SweepPoint& first) {
+    std::size_t axis = plan.keys.size();
+    for (std::size_t i = plan.keys.size() - 1; i-- > 0;)
+        if (!first.values[i].empty()) axis = i;
+    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
+        if (!first.values[i].empty() && plan.keys[i].ends_with(".elements")) axis = i;
+    return axis;
+}
+
+/// Error over a time; points below three times the reference's own uncertainty apart.
+Plot work_precision(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& reference,
+                    bool of_a_step) {
+    Plot plot{of_a_step ? "A step's time" : "Work and precision",
+              of_a_step ? "p99 of a step [ms]" : "compute time per simulated second [s]",
+              "force-field error",
+              {},
+              {},
+              true};
+    if (reference.comparison == FieldComparison::grid) plot.title += ", meshes (fields on a grid of 3 mm)";
+    plot.log_x = true;
+    auto time = [&](const SweepPoint& p) { return of_a_step ? 1e-3 * p.p99_us : p.seconds_per_second; };
+    const double known = 3 * reference.uncertainty.field;
+    Curve below{"below 3 x uncertainty", {}, {}}, failed{"failed", {}, {}}, front{"Pareto front", {}, {}};
+    below.points = failed.points = true;
+    std::vector<SweepPoint> best;
+    const std::size_t axis = axis_of_curves(plan, points.front());
+    for (const SweepPoint& p : points) {
+        const std::string name =
+            p.values[axis].empty() ? "other settings, one by one" : short_key(plan.keys[axis]) + " = " + p.values[axis];
+        auto curve = std::find_if(plot.curves.begin(), plot.curves.end(), [&](auto& c) { return c.name == name; });
+        if (curve == plot.curves.end()) {
+            plot.curves.push_back({name, {}, {}, true});
+            curve = plot.curves.end() - 1;
+        }
+        Curve& into = p.failed ? failed : p.errors.field <= known ? below : *curve;
+        into.x.push_back(time(p)), into.y.push_back(p.failed ? 1 : p.errors.field);
+        if (!of_a_step && on_front(p, points)) best.push_back(p);
+    }
+    std::erase_if(plot.curves, [](const Curve& c) { return c.x.empty(); });
+    std::sort(best.begin(), best.end(), [](auto& x, auto& y) { return x.seconds_per_second < y.seconds_per_second; });
+    for (const SweepPoint& p : best) front.x.push_back(p.seconds_per_second), front.y.push_back(p.errors.field);
+    for (Curve* c : {&below, &failed, &front})
+        if (!c->x.empty()) plot.curves.push_back(std::move(*c));
+    if (of_a_step)
+        plot.markers = {{"1 ms", 1}, {"20 ms", 20}};
+    else
+        plot.markers = {{"real time", 1}};
+    return plot;
+}
+
+std::string settings_text(const SweepPlan& plan, const SweepPoint& p) {
+    std::string text;
+    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i) {
+        if (p.values[i].empty()) continue;
+        text += (text.empty() ? "" : ", ") + short_key(plan.keys[i]) + " " + p.values[i];
+    }
+    return text;
+}
+
+void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& r) {
+    std::printf("\n%s: its own uncertainty is %.2g %% of the field, %.2g %% of the net force\n",
+                r.comparison == FieldComparison::grid ? "reference with a finer mesh (fields on a grid of 3 mm)"
+                                                      : "reference with a finer step",
+                100 * r.uncertainty.field, 100 * r.uncertainty.net);
+    std::printf("\nfastest setting below an error of the force field:\n");
+    for (double most : {0.10, 0.05, 0.01}) {
+        const SweepPoint* best = nullptr;
+        for (const SweepPoint& p : points)
+            if (!p.failed && p.errors.field <= most && (!best || p.seconds_per_second < best->seconds_per_second))
+                best = &p;
+        if (best)
+            std::printf("  %4.0f %%: %6.3f s per simulated second, step %.0f us median, %.0f us p99 (%s)\n", 100 * most,
+                        best->seconds_per_second, best->median_us, best->p99_us, settings_text(plan, *best).c_str());
+        else
+            std::printf("  %4.0f %%: no setting of this sweep\n", 100 * most);
+    }
+    std::printf("\n%-52s %9s %9s %9s %9s %10s %9s %9s\n", "settings on the Pareto front", "field %", "net %", "area %",
+                "centre um", "s / s", "p99 us", "limits");
+    for (const SweepPoint& p : points)
+        if (on_front(p, points))
+            std::printf("%-52s %9.3f %9.3f %9.3f %9.2f %10.4f %9.0f %9.1e\n", settings_text(plan, p).c_str(),
+                        100 * p.errors.field, 100 * p.errors.net, 100 * p.errors.area, 1e3 * p.errors.platform_mm,
+                        p.seconds_per_second, p.p99_us, p.limit_violation);
+    int failed = 0;
+    for (const SweepPoint& p : points)
+        if (p.failed && failed++ < 20) std::printf("failed: %s\n", settings_text(plan, p).c_str());
+}
+
+std::vector<std::string> overrides_of(const SweepArguments& a, const SweepPlan& plan,
+                                      const std::vector<std::string>& values) {
+    std::vector<std::string> all = a.overrides;
+    all.push_back("solver.preset=balanced");
+    for (auto& o : overrides_of(plan, values)) all.push_back(std::move(o));
+    return all;
+}
+
+constexpr double period = 0.02;  // of the samples that are compared: that of a thimble's updates [s]
+
+/// Runs this process's share of the points but for those that are `done`, each row to `out` as it comes. All its rows.
+std::string run_share(const SweepArguments& a, const SweepPlan& plan, const References& references,
+                      const Shards& shards, std::map<std::vector<std::string>, SweepPoint>& done, std::ofstream& out,
+                      const std::atomic<bool>& stop) {
+    const auto& all = plan.points;
+    const auto start = std::chrono::steady_clock::now();
+    std::size_t run_now = 0;
+    std::string mine;
+    for (std::size_t k = std::size_t(shards.rank); k < all.size() && !stop; k += std::size_t(shards.size)) {
+        auto it = done.find(all[k]);
+        if (it == done.end()) {
+            SweepTrace trace;
+            SweepPoint p = run_point(a.scene, overrides_of(a, plan, all[k]), period, a.threads, stop, trace);
+            if (stop) break;
+            p.values = all[k];
+            const ReferenceRun& reference = references.at(reference_of(all[k]));
+            p.errors = errors_of(trace, reference.trace, reference.comparison);
+            p.failed = p.resets > 0 || !std::isfinite(p.errors.net);
+            out << row_of(p) << "\n";
+            out.flush();
+            it = done.emplace(all[k], std::move(p)).first;
+            ++run_now;
+            const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+            if (!a.quiet && isatty(STDERR_FILENO))
+                std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
+                             elapsed / double(run_now) * double(all.size() - k - 1) / shards.size);
+        }
+        mine += row_of(it->second) + "\n";
+    }
+    return mine;
+}
+
+/// The settings to try. Mistakes are said before an hour has passed.
+SweepPlan checked_plan(const SweepArguments& a, const Scene& scene) {
+    std::vector<SweepBlock> blocks(a.axes.empty() ? 0 : 1);
+    for (const std::string& text : a.axes) blocks[0].push_back(parse_axis(text));
+    const SweepPlan plan = plan_sweep(blocks.empty() ? default_blocks(scene) : blocks, scene);
+    std::set<std::string> tried;  // every value once is enough
+    for (const auto& values : plan.points) {
+        bool is_new = false;
+        for (std::size_t i = 0; i + 1 < values.size(); ++i)
+            is_new |= tried.insert(plan.keys[i] + "=" + values[i]).second;
+        if (is_new) load_scene(a.scene, overrides_of(a, plan, values));
+    }
+    return plan;
+}
+
+References solve_references(const SweepArguments& a, const SweepPlan& plan, const std::atomic<bool>& stop) {
+    References references;
+    for (const SweepReference kind : {SweepReference::step, SweepReference::mesh}) {
+        const double finest = plan.finest_dt_ms[int(kind)];
+        if (finest <= 0) continue;
+        // What is asked for the step would take days with the finest mesh.
+        const double asked = a.reference_dt_ms, half = 0.5 * finest;
+        const double dt_ms = kind == SweepReference::mesh ? std::max(asked, half) : asked > 0 ? asked : half;
+        ReferenceRequest request{a.scene, a.overrides, dt_ms, period, a.threads, {}};
+        if (!a.quiet) request.progress = [](const std::string& what) { std::fprintf(stderr, "%s\n", what.c_str()); };
+        references[kind] = solve_reference(request, plan, kind, stop);
+    }
+    return references;
+}
+
+int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
+    // Each process of mpirun takes its share of the points, and the first one merges what they found.
+    const Shards shards = join_shards();
+    SweepArguments a = asked;
+    a.quiet = a.quiet || shards.rank != 0;
+    const Scene scene = load_scene(a.scene, a.overrides);
+    const SweepPlan plan = checked_plan(a, scene);
+    const std::filesystem::path folder =
+        a.out.empty() ? std::filesystem::path("results") / (scene.file.stem().string() + "-sweep")
+                      : std::filesystem::path(a.out);
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
+    std::string header;
+    for (const std::string& key : plan.keys) header += key + ",";
+    header += columns;
+    const auto file = folder / (shards.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(shards.rank) + ".csv");
+    auto done = read_rows(file, header, plan.keys.size());
+    std::ofstream out(file, done.empty() ? std::ios::trunc : std::ios::app);
+    if (!out) throw InputError(file.string() + ": cannot be written");
+    const std::string about = std::string("# palpate ") + program_version + " " + program_commit + ", " + processor() +
+                              ", scene " + scene.file.string() + "\n" + header + "\n";
+    if (done.empty()) out << about;
+    out.flush();
+
+    const References references = solve_references(a, plan, stop);
+    const std::string mine = run_share(a, plan, references, shards, done, out, stop);
+    if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
+    if (stop && shards.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
+    const auto texts = gather(shards, mine);
+    if (stop) return 130;
+    if (shards.rank != 0) {
+        out.close();
+        std::filesystem::remove(file);
+        return 0;
+    }
+    // In the order of the settings, whoever has run them.
+    std::map<std::vector<std::string>, SweepPoint> merged;
+    for (const std::string& text : texts) read_rows(text, plan.keys.size(), merged);
+    std::map<SweepReference, std::vector<SweepPoint>> points;
+    std::string rows = about;
+    for (const auto& values : plan.points) {
+        const SweepPoint& p = merged.at(values);
+        points[reference_of(values)].push_back(p);
+        rows += row_of(p) + "\n";
+    }
+    out.close();
+    write_file(file, rows);
+    std::vector<Plot> plots;
+    for (const auto& [kind, of_kind] : points) {
+        const ReferenceRun& reference = references.at(kind);
+        plots.push_back(work_precision(of_kind, plan, reference, false));
+        if (kind == SweepReference::step) plots.push_back(work_precision(of_kind, plan, reference, true));
+        if (!a.quiet) print_results(of_kind, plan, reference);
+    }
+    write_svg(folder / "sweep.svg", plots);
+    if (!a.quiet) std::printf("\nwritten to %s (sweep.csv, sweep.svg)\n", folder.string().c_str());
+    return 0;
+}
+
+}  // namespace
+
+Action add_sweep_command(const Command& program, const std::atomic<bool>& stop) {
+    const Command c =
+        program.subcommand("sweep", "what settings cost and what they lose, against a converged reference");
+    auto a = std::make_shared<SweepArguments>();
+    c.scene("scene", a->scene, "scene file (.toml) or bare name").required();
+    c.option("--axes", a->axes,
+             "settings to vary, for example dt_ms=1,5,20 solver.newton_iterations=1,2 finger.*.elements=200,800 "
+             "(default: time step, iterations, precision; meshes; limits, contact, friction and matching one by one)");
+    c.option("--out", a->out, "folder for results (default: results/SCENE-sweep); a sweep goes on from what is there");
+    c.option("--set", a->overrides, "override a value of the scene in all runs").repeatable();
+    c.option("--reference-dt-ms", a->reference_dt_ms,
+             "step of the reference (default: half the smallest); of that of meshes no less than half theirs")
+        .range(1e-3, 200.0);
+    c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
+    c.flag("--quiet", a->quiet, "print nothing but errors");
+    return [a, &stop] { return sweep_scene(*a, stop); };
+}
+
+}  // namespace palpate

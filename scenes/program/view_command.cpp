@@ -1,0 +1,307 @@
+// `palpate view`: runs a scene in real time and shows it in a browser.
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "scenes/program/commands.h"
+#include "scenes/recording/run_file.h"
+#include "scenes/run/dead_man.h"
+#include "scenes/run/hardware.h"
+#include "scenes/viewer/carry_over.h"
+#include "scenes/viewer/report.h"
+#include "scenes/viewer/server.h"
+
+namespace palpate {
+
+namespace {
+
+struct ViewArguments {
+    std::string scene;
+    std::vector<std::string> overrides;
+    int threads = 0, port = 8420;
+    std::string tracker, record, hold;
+    bool any_address = false, arm = false, remote_arm = false, no_watchdog = false;
+};
+
+/// The scene's main settings: label, the keys they change, range (a slider) or choices, and value now.
+nlohmann::json settings_of(const Scene& scene) {
+    nlohmann::json out = nlohmann::json::array();
+    auto add = [&](const std::string& label, std::vector<std::string> keys, double min, double max, double step,
+                   double value) {
+        out.push_back({{"label", label},
+                       {"keys", std::move(keys)},
+                       {"min", min},
+                       {"max", max},
+                       {"step", step},
+                       {"value", value}});
+    };
+    std::vector<std::string> young, low, high;
+    bool limits = false;
+    for (const FingerSpec& f : scene.spec.fingers) {
+        young.push_back("finger." + f.name + ".material.young_kPa");
+        limits |= f.has_limits;
+    }
+    add("Young's modulus, kPa", young, 5, 200, 1, scene.spec.fingers[0].young_modulus / 1e3);
+    if (limits) {
+        add("stretch at least", {"limits.low"}, 0.3, 0.98, 0.01, scene.spec.fingers[0].limit_low);
+        add("stretch at most", {"limits.high"}, 1.02, 2, 0.01, scene.spec.fingers[0].limit_high);
+    }
+    for (const ObjectSpec& o : scene.spec.objects)
+        if (o.friction > 0) add("friction, " + o.name, {"object." + o.name + ".friction"}, 0, 2, 0.05, o.friction);
+    std::vector<std::string> methods;
+    for (const ThimbleSpec& t : scene.spec.thimbles)
+        methods.push_back("finger." + scene.spec.fingers[std::size_t(t.finger)].name + ".device.method");
+    const std::vector<std::string> choices{"constrained", "unconstrained", "plane", "force"};  // as MatchingMethod
+    if (!methods.empty())
+        out.push_back({{"label", "matching method"},
+                       {"keys", methods},
+                       {"choices", choices},
+                       {"value", choices[std::size_t(scene.spec.thimbles[0].method)]}});
+    add("Newton iterations", {"solver.newton_iterations"}, 1, 20, 1, std::min(20, scene.spec.solver.newton_iterations));
+    return out;
+}
+
+/// A scene that runs again and again, at some speed, until it is told otherwise.
+struct LiveRun {
+    const ViewArguments& arguments;
+    ViewServer& server;
+    std::shared_ptr<LiveHands> hands{};  ///< null: fingers follow the scene's recording
+    std::vector<std::string> overrides = arguments.overrides;
+    std::unique_ptr<Simulation> simulation{};
+    std::unique_ptr<FeltThread> felt{};
+    bool paused = false;
+    int single_steps = 0;
+    double speed = 1;
+
+    /// Loads the scene, and begins it anew; or, where it can, goes on where the run is.
+    void start(bool go_on = false) {
+        Scene scene = load_scene(arguments.scene, overrides);
+        if (!simulation) print_warnings(scene);
+        nlohmann::json data{{"live", true},
+                            {"about", "live"},
+                            {"summary", ""},
+                            {"scene", read_file(scene.file)},
+                            {"settings", settings_of(scene)}};
+        auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        // A recorded run has one scene file.
+        const bool goes_on =
+            go_on && simulation && !(record && data["scene"] != text) && carry_over(*simulation, *fresh);
+        // Nobody but a person arms: thimbles stay armed where they stay the same, faults and all, and are disarmed
+        // else.
+        const bool stays_armed = goes_on || (simulation && keep_armed(*simulation, *fresh));
+        if (!stays_armed && simulation) disarm(*simulation);
+        simulation = std::move(fresh);  // the old one's controllers are free again
+        felt = std::make_unique<FeltThread>(*simulation);
+        text = data["scene"];
+        if (!goes_on) open_outside();
+        if (goes_on && record) record->change_settings(*simulation, overrides);
+        data["stage"] = stage_of(*simulation);
+        if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
+        page_data = std::move(data);
+        server.set_page(page_with(page_data));
+    }
+    std::string text{};  ///< of the scene file, as it was read last
+    /// Hands, the recording and controllers of a run that begins.
+    void open_outside() {
+        const std::string source = arguments.tracker.empty() ? simulation->scene.tracker : arguments.tracker;
+        if (!source.empty()) {
+            if (!hands) hands = std::make_shared<LiveHands>(source, arguments.any_address);
+            follow_live(*simulation, hands);
+        }
+        if (record) {
+            record->finish();
+            record->begin(*simulation, overrides);
+        } else if (!arguments.record.empty()) {
+            record = std::make_unique<RunWriter>(arguments.record, *simulation, overrides);
+        }
+        if (arguments.arm && !has_run) arm();
+        has_run = true;
+    }
+    void arm() {
+        palpate::arm(*simulation, {!arguments.no_watchdog, "."});
+        if (!arguments.hold.empty() && !dead_man) dead_man = make_dead_man(arguments.hold);
+        look_at_dead_man();
+    }
+    void look_at_dead_man() {
+        if (dead_man && simulation->hardware) obey_dead_man(*dead_man, *simulation);
+    }
+    /// A person asks for it: faults are cleared, and what was disarmed since is armed again.
+    void rearm() {
+        if (arguments.arm && !simulation->hardware) {
+            try {
+                arm();
+            } catch (const InputError& error) { tell_error(error); }
+        }
+        for (auto& loop : simulation->loops) loop->rearm_asked = true;
+    }
+    void tell_error(const InputError& error) {
+        std::string all;
+        for (const auto& message : error.messages) all += message + "\n";
+        server.tell({{"error", all}});
+    }
+    bool has_run = false;
+    std::unique_ptr<DeadMan> dead_man{};
+    nlohmann::json page_data{};
+    std::unique_ptr<RunWriter> record{};
+
+    bool told_failure = false;
+
+    /// One step, recorded if asked for: a recording holds all runs, one after the other.
+    void advance_live() {
+        Simulation& s = *simulation;
+        const StepInputs inputs = next_inputs(s);
+        advance(s, inputs);
+        if (record) record->record(inputs, s);
+        if (record && !record->failure().empty() && !told_failure) {
+            told_failure = true;
+            std::fprintf(stderr, "%s; the recording ends there\n", record->failure().c_str());
+        }
+        // Rows are for results, which a live run has none of: without end, they would fill the memory.
+        for (Series& series : s.finger_series) series.values.clear();
+        s.step_series.values.clear();
+    }
+
+    std::string silent{};
+    /// Tells the page whose trackers are silent, so that their thimbles are led to rest, when that changes.
+    void tell_silence() {
+        std::string now;
+        const Simulation& s = *simulation;
+        for (std::size_t t = 0; t < s.loops.size(); ++t)
+            if (s.world.device_links[t].retreat > 0)
+                now +=
+                    (now.empty() ? "" : ", ") + s.scene.spec.fingers[std::size_t(s.scene.spec.thimbles[t].finger)].name;
+        if (now != silent) server.tell({{"silent", now}});
+        silent = now;
+    }
+
+    /// Tells the page which thimbles are in fault, when that changes.
+    std::string faults{};
+    void tell_faults() {
+        if (!arguments.arm) return;
+        std::string now;
+        for (std::size_t t = 0; t < simulation->loops.size(); ++t)
+            if (!simulation->hardware || newest_report(*simulation->hardware, int(t)).status.mode == ThimbleMode::fault)
+                now += (now.empty() ? "" : ", ") +
+                       simulation->scene.spec.fingers[std::size_t(simulation->scene.spec.thimbles[t].finger)].name;
+        if (now != faults) server.tell({{"faults", now}});
+        faults = now;
+    }
+
+    /// Takes overrides over if the scene still loads with them, and says what is wrong if not.
+    void set(const nlohmann::json& keys) {
+        const std::vector<std::string> before = overrides;
+        for (const auto& key : keys) {
+            if (!key.is_string()) continue;
+            const std::string wanted = key.get<std::string>(), name = wanted.substr(0, wanted.find('=') + 1);
+            std::erase_if(overrides, [&](const std::string& o) { return !name.empty() && o.starts_with(name); });
+            overrides.push_back(wanted);
+        }
+        try {
+            start(true);
+            server.tell({{"error", ""}});
+        } catch (const InputError& error) {
+            overrides = before;
+            tell_error(error);
+        }
+    }
+    /// Nobody moves a thimble from afar unless that was asked for: what arms or re-arms comes from this machine.
+    bool may_obey(const ViewCommand& command) {
+        const auto& what = command.what;
+        const bool arms = arguments.arm && (what.contains("rearm") || what.contains("restart") || what.contains("set"));
+        if (!arms || command.local || arguments.remote_arm) return true;
+        server.tell({{"error", "thimbles are armed: that takes someone at their machine, or view --remote-arm"}});
+        return false;
+    }
+    void obey(const nlohmann::json& command) {
+        if (command.contains("pause") && command["pause"].is_boolean()) paused = command["pause"];
+        if (command.contains("step")) ++single_steps;
+        if (command.contains("restart")) start();
+        if (command.contains("rearm")) rearm();
+        if (command.contains("speed") && command["speed"].is_number())
+            speed = std::clamp(command["speed"].get<double>(), 0.01, 10.0);
+        if (command.contains("set") && command["set"].is_array()) set(command["set"]);
+    }
+};
+
+int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
+    using Clock = std::chrono::steady_clock;
+    ViewServer server(a.port, a.any_address);
+    LiveRun live{a, server};
+    live.start();
+    if (live.hands) std::printf("hands are expected from %s\n", live.hands->source->about().c_str());
+    std::printf("open %s   (Ctrl-C ends)\n", server.url().c_str());
+    if (a.any_address)
+        std::printf(
+            "from other machines, put this one's address in place of 127.0.0.1; the token lets in whoever has it\n");
+    std::fflush(stdout);
+    std::vector<std::uint8_t> frame;
+    double longest_us = 0;
+    auto due = Clock::now(), next_frame = due;
+    while (!stop) {
+        for (const ViewCommand& command : server.take_commands())
+            if (live.may_obey(command)) live.obey(command.what);
+        Simulation& s = *live.simulation;
+        live.look_at_dead_man();
+        const bool single = live.single_steps > 0;
+        if (!live.paused || single) {
+            if (!live.hands && s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
+            live.advance_live();
+            longest_us = std::max(longest_us, 1e6 * live.simulation->world.profile.total());
+            live.single_steps = single ? live.single_steps - 1 : 0;
+        }
+        const auto now = Clock::now();
+        if (now >= next_frame || single) {
+            frame.clear();
+            append_frame(frame, *live.simulation, live.felt->ask(*live.simulation), longest_us);
+            live.tell_faults();
+            live.tell_silence();
+            server.publish(frame);
+            longest_us = 0;
+            next_frame = now + std::chrono::milliseconds(33);
+        }
+        due += std::chrono::duration_cast<Clock::duration>(
+            std::chrono::duration<double>(live.simulation->world.solver.dt / live.speed));
+        if (due < now - std::chrono::milliseconds(200)) due = now;  // too slow for real time: do not race to catch up
+        std::this_thread::sleep_until(std::min(due, now + std::chrono::milliseconds(50)));
+        if (live.paused) due = Clock::now() + std::chrono::milliseconds(10);
+    }
+    if (live.record) live.record->finish();
+    bool at_rest = true;
+    if (live.simulation->hardware) {
+        disarm(*live.simulation);
+        std::printf("%s%s", hardware_report(*live.simulation).c_str(), rest_report(*live.simulation, at_rest).c_str());
+    }
+    if (live.hands) std::printf("%s\n", to_text(live.hands->mailbox.counts()).c_str());
+    return live.told_failure ? 1 : 0;
+}
+
+}  // namespace
+
+Action add_view_command(const Command& program, const std::atomic<bool>& stop) {
+    const Command c = program.subcommand("view", "run a scene in real time and watch it in a browser");
+    auto a = std::make_shared<ViewArguments>();
+    c.scene("scene", a->scene, "scene file (.toml) or bare name").required();
+    c.option("--set", a->overrides, "override a value of the scene").repeatable();
+    c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
+    c.option("--port", a->port, "port of the page (default: 8420; 0 = any free one)").range(0, 65535);
+    c.option("--tracker", a->tracker,
+             "fingers that follow a hand follow a live one: udp:PORT, websocket:PORT, ultraleap[:HOST:PORT]");
+    c.option("--record", a->record,
+             "record inputs and outcome of every step of every run; `palpate replay` runs them again");
+    c.flag("--arm", a->arm, "drive real thimbles; without it nothing moves");
+    c.option("--hold", a->hold,
+             "with --arm: thimbles move only while this is held: key, joystick:/dev/input/js0[:BUTTON], "
+             "heartbeat:PORT");
+    c.flag("--no-watchdog", a->no_watchdog, "drive controllers that would hold their force if palpate were killed");
+    c.flag("--any-address", a->any_address,
+           "let other machines that know the token watch, steer and send hands, too (default: this one only)");
+    c.flag("--remote-arm", a->remote_arm, "let other machines re-arm thimbles, too (default: this one only)");
+    return [a, &stop] { return view_scene(*a, stop); };
+}
+
+}  // namespace palpate

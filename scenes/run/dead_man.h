@@ -1,0 +1,32 @@
+#pragma once
+// A switch that a person holds while thimbles may move.
+
+#include <memory>
+#include <string>
+
+#include "scenes/run/simulation.h"
+
+namespace palpate {
+
+/// What is held: a key of the terminal, a button of a joystick (a foot switch is one), or a heartbeat.
+class DeadMan {
+  public:
+    virtual ~DeadMan() = default;
+    /// Whether it is held now. Never waits. Enter on a terminal that is listened to is remembered.
+    virtual bool held() = 0;
+    bool take_enter() { return std::exchange(enter_, false); }
+    bool uses_terminal = false;
+
+  protected:
+    bool enter_ = false;
+};
+
+/// `source`: "key" (any key but Enter, on the terminal), "joystick:/dev/input/js0" with ":BUTTON" where it is to be
+/// that one alone, or "heartbeat:PORT" (a datagram to this machine's UDP port that begins with "1", ten a second; "0"
+/// lets go). Throws InputError where it is none of these, or cannot be opened.
+std::unique_ptr<DeadMan> make_dead_man(const std::string& source);
+
+/// Lets thimbles follow while the switch is held; else they hold, and then go to their rest pose.
+void obey_dead_man(DeadMan& dead_man, Simulation& simulation);
+
+}  // namespace palpate

@@ -1,0 +1,225 @@
+#include "scenes/run/grasp.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace palpate {
+
+namespace {
+
+const std::vector<std::string> own_columns{"time_s",       "x_mm",        "y_mm",        "z_mm",         "qw",
+                                           "qx",           "qy",          "qz",          "v_x_mm_per_s", "v_y_mm_per_s",
+                                           "v_z_mm_per_s", "contact_x_N", "contact_y_N", "contact_z_N",  "held",
+                                           "balance",      "iterations",  "converged",   "reset"};
+
+const ObjectContact* contact_of(const World& world, EntityId finger, int object) {
+    for (const ObjectContact& c : world.contact_surfaces.find(finger)->objects)
+        if (c.object == object) return &c;
+    return nullptr;
+}
+
+/// Row of the object that a body moves.
+int object_of(const World& world, int body) {
+    for (std::size_t row = 0; row < world.shapes.size(); ++row)
+        if (world.shapes[row].body == body || world.shapes[row].held_body == body) return int(row);
+    return -1;
+}
+
+double friction_of(const SceneSpec& spec, int finger, int object) {
+    for (const FingerFriction& own : spec.finger_frictions)
+        if (own.finger == finger && own.object == object) return own.friction;
+    return spec.objects[std::size_t(object)].friction;
+}
+
+/// Samples with which a finger touches an object, seen from its centre of mass.
+void read_grip(const Simulation& s, std::size_t finger, int object, std::vector<GripSample>& grip) {
+    grip.clear();
+    const World& w = s.world;
+    const RigidShape& shape = w.shapes[object];
+    const Vec3<double> centre = centre_pose(w.bodies[shape.body], shape.pose).position;
+    const ContactSurface& c = *w.contact_surfaces.find(s.fingers[finger]);
+    const double friction = friction_of(s.scene.spec, int(finger), object);
+    for (std::size_t k = 0; k < c.force.size(); ++k) {
+        if (!c.touches[k]) continue;
+        const Vec3<double> x = transform(c.bone, c.position[k]);
+        auto distance = [&](int o) { return surface_point(w.shapes[o].shape, w.shapes[o].pose, x).distance; };
+        bool nearest = true;  // a sample between two objects counts to the nearer one
+        for (const ObjectContact& other : c.objects)
+            if (other.object >= 0 && other.object != object && other.normal_force > 0)
+                nearest &= distance(object) <= distance(other.object);
+        if (!nearest) continue;
+        const Vec3<double> gradient = surface_point(shape.shape, shape.pose, x).normal;
+        const Vec3<double> normal = (1 / std::max(norm(gradient), 1e-9)) * gradient;
+        const double pressed = dot(c.force[k], normal);
+        grip.push_back({x - centre, normal, friction * std::max(0.0, pressed), pressed * normal - c.force[k]});
+    }
+}
+
+/// Where a finger's samples are on a body, and by how much those that touch it have moved over it since the last step,
+/// mean by force: to and fro cancels, which a sum of lengths does not.
+void follow_slide(const Simulation& s, std::size_t finger, int object, bool held, LastGrip& last) {
+    const ContactSurface& c = *s.world.contact_surfaces.find(s.fingers[finger]);
+    const RigidShape& shape = s.world.shapes[object];
+    const std::vector<Vec3<double>> before = std::move(last.before);
+    last.before.clear();
+    if (!held) {
+        last.slid = {0, 0, 0};
+        return;
+    }
+    Vec3<double> way{0, 0, 0};
+    double weight = 0;
+    for (std::size_t k = 0; k < c.force.size(); ++k) {
+        const Vec3<double> world = transform(c.bone, c.position[k]), x = inverse_transform(shape.pose, world);
+        last.before.push_back(x);
+        if (!c.touches[k] || before.empty()) continue;
+        const Vec3<double> n = surface_point(shape.shape, shape.pose, world).normal;
+        const Vec3<double> normal = transposed_times(rotation_matrix(shape.pose.rotation), (1 / norm(n)) * n);
+        const Vec3<double> step = x - before[k];
+        const double force = norm(c.force[k]);
+        way += force * (step - dot(step, normal) * normal);
+        weight += force;
+    }
+    if (weight > 0) last.slid += (1 / weight) * way;
+}
+
+}  // namespace
+
+std::vector<std::string> body_columns(const Simulation& s) {
+    std::vector<std::string> columns = own_columns;
+    for (const FingerSpec& f : s.scene.spec.fingers)
+        for (const char* what : {"grip_N", "friction_use", "slip_um", "slid_mm"})
+            columns.push_back(f.name + "_" + what);
+    return columns;
+}
+
+void record_bodies(Simulation& s) {
+    const World& w = s.world;
+    for (int b = 0; b < int(w.bodies.size()); ++b) {
+        const RigidBody& body = w.bodies[b];
+        const int object = object_of(w, b);
+        const RigidShape& shape = w.shapes[object];
+        const Vec3<double>&p = shape.pose.position, &v = body.velocity, &f = body.contact_force;
+        const Quaternion<double>& q = shape.pose.rotation;
+        const double weight = std::max(body.mass * norm(w.gravity), 1e-9);
+        Vec3<double> by_fingers{0, 0, 0};
+        double grip = 0;
+        for (const EntityId finger : s.fingers)
+            if (const ObjectContact* c = contact_of(w, finger, object)) by_fingers -= c->force, grip += c->normal_force;
+        // Held: by fingers and by nothing else.
+        const bool held = grip > 0 && norm(f - by_fingers) < 1e-2 * weight + 1e-3 * grip;
+        const double balance = norm(f + body.mass * (w.gravity - body.acceleration)) / weight;
+        std::vector<double>& out = s.body_series[std::size_t(b)].values;
+        for (double value :
+             {w.time, 1e3 * p.x, 1e3 * p.y, 1e3 * p.z, q.w, q.x, q.y, q.z, 1e3 * v.x, 1e3 * v.y, 1e3 * v.z, f.x, f.y,
+              f.z, double(held), balance, double(body.iterations), double(body.converged), double(body.reset)})
+            out.push_back(value);
+        for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+            const ObjectContact* c = contact_of(w, s.fingers[i], object);
+            out.push_back(c ? c->normal_force : 0);
+            out.push_back(c && c->friction_available > 0 ? c->friction_force / c->friction_available : 0);
+            out.push_back(c ? 1e6 * c->slip : 0);
+            LastGrip& last = s.last_grips[std::size_t(b) * s.fingers.size() + i];
+            follow_slide(s, i, object, held && c && c->normal_force > 0, last);
+            out.push_back(1e3 * norm(last.slid));
+            if (!held) continue;
+            last.grip_sum += c ? c->normal_force : 0;
+            ++last.steps;
+            if (c && c->normal_force > 0.5 * last.grip_sum / double(last.steps)) read_grip(s, i, object, last.samples);
+        }
+    }
+}
+
+std::vector<BodySummary> summarise_bodies(const Simulation& s) {
+    std::vector<BodySummary> all;
+    for (int b = 0; b < int(s.world.bodies.size()); ++b) {
+        const Series& series = s.body_series[std::size_t(b)];
+        const RigidShape& shape = s.world.shapes[object_of(s.world, b)];
+        BodySummary out;
+        out.name = shape.name;
+        const auto held = series.column("held"), converged = series.column("converged"), reset = series.column("reset");
+        const auto time = series.column("time_s"), balance = series.column("balance");
+        std::vector<double> balances;
+        std::size_t last = 0, count = 0;
+        for (std::size_t k = 0; k < held.size(); ++k) {
+            out.converged_share += converged[k] / double(held.size());
+            out.resets += int(reset[k]);
+            if (held[k] > 0) last = k, ++count, balances.push_back(balance[k]);
+        }
+        out.held_s = double(count) * s.world.solver.dt;
+        if (count == 0) {
+            all.push_back(out);
+            continue;
+        }
+        std::nth_element(balances.begin(), balances.begin() + long(balances.size() / 2), balances.end());
+        out.balance = balances[balances.size() / 2];
+        for (std::size_t k = last - std::min(last, count / 4); k <= last; ++k) {
+            double way = 0;
+            for (std::size_t d = 1; d <= 3; ++d) way = std::hypot(way, series.at(k, d) - series.at(last, d));
+            out.drift_mm = std::max(out.drift_mm, way);
+        }
+        bool lost = last + 1 < held.size() && time[last] + 0.02 < time.back();
+        for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+            const std::size_t column = own_columns.size() + 4 * i;
+            GripSummary g;
+            g.finger = s.scene.spec.fingers[i].name;
+            std::size_t touching = 0;
+            for (std::size_t k = 0; k < held.size(); ++k) {
+                const double grip = series.at(k, column);
+                if (held[k] <= 0 || grip <= 0) continue;
+                ++touching;
+                g.mean_N += grip;
+                g.friction_use = std::max(g.friction_use, series.at(k, column + 1));
+                g.slip_mm = std::max(g.slip_mm, series.at(k, column + 3));
+            }
+            if (last + 1 < held.size() && series.at(last + 1, column) > 0) lost = false;  // put down, not dropped
+            if (touching == 0) continue;
+            g.mean_N /= double(touching);
+            g.reserve =
+                grip_reserve(s.last_grips[std::size_t(b) * s.fingers.size() + i].samples, -1.0 * s.world.gravity);
+            out.slip_mm = std::max(out.slip_mm, g.slip_mm);
+            out.grips.push_back(g);
+        }
+        if (lost) out.dropped_at_s = time[last];
+        all.push_back(out);
+    }
+    return all;
+}
+
+std::string to_text(const std::vector<BodySummary>& bodies) {
+    std::ostringstream out;
+    char line[300];
+    for (const BodySummary& b : bodies) {
+        if (b.held_s <= 0) {
+            std::snprintf(line, sizeof line, "\n%s was never held by fingers alone\n", b.name.c_str());
+            out << line;
+        } else {
+            std::snprintf(
+                line, sizeof line,
+                "\n%s was held for %.2f s: slip %.3f mm, drift in the last quarter %.4f mm, force balance %.1e "
+                "of its weight, %.1f %% of steps converged\n",
+                b.name.c_str(), b.held_s, b.slip_mm, b.drift_mm, b.balance, 100 * b.converged_share);
+            out << line;
+            std::snprintf(line, sizeof line, "  %-10s %9s %15s %9s %10s %9s %12s\n", "finger", "grip N",
+                          "friction used %", "slip mm", "weakest N", "weight N", "twist N mm");
+            out << line;
+            for (const GripSummary& g : b.grips) {
+                std::snprintf(line, sizeof line, "  %-10s %9.3f %15.1f %9.3f %10.3f %9.3f %12.3f\n", g.finger.c_str(),
+                              g.mean_N, 100 * g.friction_use, g.slip_mm, g.reserve.weakest_N, g.reserve.load_N,
+                              g.reserve.twist_N_mm);
+                out << line;
+            }
+            if (b.slip_mm > 1)
+                out << "  " << b.name << " slipped through the fingers: grip harder, or give it more friction\n";
+            if (b.dropped_at_s >= 0) {
+                std::snprintf(line, sizeof line, "  %s was dropped at t = %.2f s\n", b.name.c_str(), b.dropped_at_s);
+                out << line;
+            }
+        }
+        if (b.resets)
+            out << "  " << b.name << " diverged and was stopped " << b.resets << " times: use smaller steps (dt_ms)\n";
+    }
+    return out.str();
+}
+
+}  // namespace palpate

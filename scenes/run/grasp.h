@@ -1,0 +1,43 @@
+#pragma once
+// Bodies in fingers: what is recorded of them, and what a grasp comes to.
+
+#include <string>
+#include <vector>
+
+#include "scenes/run/simulation.h"
+
+namespace palpate {
+
+/// Columns of a body's series: time, pose, velocity, contact force, whether fingers alone hold it, balance; then per
+/// finger grip, share of the friction in use, slip (way in the step, however short or shaky), slid (way from where it
+/// was gripped, to and fro cancelled).
+std::vector<std::string> body_columns(const Simulation& simulation);
+/// Appends one row to the series of every body.
+void record_bodies(Simulation& simulation);
+
+/// A finger's part in a grasp.
+struct GripSummary {
+    std::string finger;
+    double mean_N = 0;        ///< normal force while the body is held
+    double friction_use = 0;  ///< worst share of the Coulomb limit in use while held
+    double slip_mm = 0;       ///< farthest from where it gripped the body, over its surface, while held
+    GripReserve reserve;      ///< what it could still resist, before it let go
+};
+
+struct BodySummary {
+    std::string name;
+    double held_s = 0;         ///< time in which fingers alone carried it
+    double dropped_at_s = -1;  ///< fingers let go of it in the air; -1: no
+    double slip_mm = 0;        ///< the largest of the fingers
+    double drift_mm = 0;       ///< way through the world in the last quarter of the hold
+    double balance = 0;        ///< median of |contact force + weight - mass x acceleration| / weight while held
+    double converged_share = 0;
+    int resets = 0;
+    std::vector<GripSummary> grips;  ///< of fingers that touched it while held
+};
+std::vector<BodySummary> summarise_bodies(const Simulation& simulation);
+
+/// What there is to say about a body, as lines of text.
+std::string to_text(const std::vector<BodySummary>& bodies);
+
+}  // namespace palpate

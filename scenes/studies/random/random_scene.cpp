@@ -1,0 +1,264 @@
+#include "scenes/studies/random/random_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdint>
+#include <cstdio>
+#include <initializer_list>
+
+namespace palpate {
+
+namespace {
+
+/// Small and the same everywhere: the standard library's distributions differ between implementations.
+struct Random {
+    std::uint64_t state;
+    /// splitmix64 (Steele, Lea, Flood 2014).
+    std::uint64_t next() {
+        std::uint64_t z = (state += 0x9e3779b97f4a7c15u);
+        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+        z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+        return z ^ (z >> 31);
+    }
+    double between(double low, double high) { return low + (high - low) * double(next() >> 11) * 0x1p-53; }
+    double log_between(double low, double high) { return std::exp(between(std::log(low), std::log(high))); }
+    int integer(int low, int high) { return low + int(next() % std::uint64_t(high - low + 1)); }
+    bool chance(double share) { return between(0, 1) < share; }
+    const char* one_of(std::initializer_list<const char*> words) {
+        return *(words.begin() + next() % std::uint64_t(words.size()));
+    }
+};
+
+[[gnu::format(printf, 1, 2)]] std::string line(const char* format, ...) {
+    char buffer[240];
+    va_list arguments;
+    va_start(arguments, format);
+    std::vsnprintf(buffer, sizeof buffer, format, arguments);
+    va_end(arguments);
+    return buffer;
+}
+
+using Block = std::vector<std::string>;
+
+/// A solid, standing with its lowest point at z = 0, and how far it reaches [mm].
+struct Solid {
+    Block keys;
+    double width = 0, height = 0;
+};
+
+Solid random_solid(Random& r, double smallest, double largest) {
+    Solid s;
+    const std::string kind = r.one_of({"box", "box", "sphere", "cylinder", "capsule"});
+    const double radius = 0.5 * r.between(smallest, largest);
+    s.width = s.height = 2 * radius;
+    if (kind == "box") {
+        s.width = r.between(smallest, largest);
+        s.keys = {"kind = \"box\"",
+                  line("size_mm = [%.3f, %.3f, %.3f]", r.between(smallest, largest), s.width, s.height)};
+    } else if (kind == "sphere") {
+        s.keys = {"kind = \"sphere\"", line("radius_mm = %.3f", radius)};
+    } else {  // upright, so that it stands
+        const double length = r.between(smallest, largest);
+        s.height = length + (kind == "capsule" ? 2 * radius : 0);
+        s.keys = {"kind = \"" + kind + "\"", line("radius_mm = %.3f", radius), line("length_mm = %.3f", length)};
+    }
+    return s;
+}
+
+Block object(const char* name, const Block& keys, double x, double y, double z) {
+    Block b{"[[object]]", std::string("name = \"") + name + "\""};
+    b.insert(b.end(), keys.begin(), keys.end());
+    b.push_back(line("position_mm = [%.3f, %.3f, %.3f]", x, y, z));
+    return b;
+}
+
+Block finger(Random& r, const std::string& name, int elements) {
+    Block b{"[[finger]]", "name = \"" + name + "\"",
+            line("shape = { finger = \"%s\" }", r.one_of({"thumb", "index", "middle", "ring", "little"})),
+            line("elements = %d", elements)};
+    if (r.chance(0.3))
+        b.push_back(line("material = { young_kPa = %.2f, poisson = %.3f }", r.between(10, 80), r.between(0.1, 0.48)));
+    if (r.chance(0.25)) b.push_back("device = { kind = \"chinello-3rrs\" }");
+    return b;
+}
+
+std::string keyframe(double t, double x, double y, double z, double roll, double pitch) {
+    return line("    { t_s = %.4f, position_mm = [%.3f, %.3f, %.3f], rotation_deg = [%.2f, %.2f, 0] },", t, x, y, z,
+                roll, pitch);
+}
+
+/// Down onto something whose top is at `top`, aside, and up again or not. Pads lie some 7 mm below a finger's origin.
+void add_press(Random& r, Block& b, double x, double y, double top, double dt) {
+    const double above = top + r.between(8.8, 10), depth = r.between(0.3, 3.5), pitch = r.between(-20, 20);
+    const double down = dt * r.integer(4, 15), roll = r.between(-15, 15);
+    b.emplace_back("track = [");
+    b.push_back(keyframe(0, x, y, above, roll, pitch));
+    b.push_back(keyframe(down, x, y, top + 8 - depth, roll, pitch));
+    if (r.chance(0.6)) {
+        const double aside = r.between(-6, 6), along = r.between(-6, 6);
+        b.push_back(keyframe(down + dt * r.integer(3, 15), x + along, y + aside, top + 8 - depth, roll, pitch));
+    }
+    if (r.chance(0.3)) b.push_back(keyframe(down + 16 * dt + 0.01, x, y, above + 5, roll, pitch));
+    b.emplace_back("]");
+}
+
+void add_matter(Random& r, Block& b, bool body, double friction) {
+    if (friction > 0) b.push_back(line("friction = %.3f", friction));
+    if (body) {
+        b.push_back(line("mass_g = %.3f", r.log_between(1, 500)));
+        if (r.chance(0.2)) b.push_back(line("restitution = %.2f", r.between(0, 0.9)));
+    } else if (r.chance(0.1)) {
+        b.push_back(line("stiffness_kPa_per_mm = %.2f", r.log_between(2, 500)));
+    }
+}
+
+double random_friction(Random& r) { return r.chance(0.3) ? 0 : r.between(0.1, 1.5); }
+
+/// Each finger above an object of its own, or all above one plate or plane.
+void draw_press(Random& r, RandomScene& s, int fingers, int elements, double dt) {
+    const bool common = r.chance(0.35);
+    const double friction = random_friction(r);
+    double top = 0;
+    if (common) {
+        Block b{"[[object]]", "name = \"ground\""};
+        if (r.chance(0.5)) {
+            b.emplace_back("kind = \"plane\"");
+        } else {
+            const double thickness = r.log_between(0.8, 20);
+            b.emplace_back("kind = \"box\"");
+            b.push_back(line("size_mm = [%.2f, %.2f, %.3f]", r.between(20, 60), 24.0 * fingers + 20, thickness));
+            top = 0.5 * thickness;
+        }
+        add_matter(r, b, false, friction);
+        s.blocks.push_back(b);
+    }
+    for (int i = 0; i < fingers; ++i) {
+        const double x = r.between(-3, 3), y = 26.0 * (i - 0.5 * (fingers - 1));
+        double own_top = top;
+        if (!common) {
+            const Solid solid = random_solid(r, 8, 24);
+            Block b = object(line("object %d", i).c_str(), solid.keys, x + r.between(-2, 2), y, 0);
+            add_matter(r, b, false, friction);
+            s.blocks.push_back(b);
+            own_top = 0.5 * solid.height;
+        }
+        Block b = finger(r, line("finger %d", i), elements);
+        add_press(r, b, x, y, own_top, dt);
+        s.blocks.push_back(b);
+    }
+}
+
+/// Two fingers from two sides, or more around it, take a body from a table and lift it.
+void draw_grasp(Random& r, RandomScene& s, int fingers, int elements, double dt) {
+    const Solid solid = random_solid(r, 14, 34);
+    const double friction = r.between(0.3, 1.2), close = dt * r.integer(8, 20), squeeze = r.between(0.5, 3);
+    s.blocks.push_back({"[[object]]", "name = \"table\"", "kind = \"plane\"", "friction = 0.5"});
+    Block body = object("body", solid.keys, 0, 0, 0.5 * solid.height);
+    add_matter(r, body, true, friction);
+    if (r.chance(0.2)) body.push_back(line("release_s = %.4f", dt * r.integer(5, 30)));
+    s.blocks.push_back(body);
+    if (r.chance(0.7))
+        s.blocks.push_back({"[hand]", "track = [",
+                            line("    { t_s = %.4f, position_mm = [0, 0, %.3f] },", close + 5 * dt, 0.5 * solid.height),
+                            line("    { t_s = %.4f, position_mm = [0, 0, %.3f] },", close + 25 * dt,
+                                 0.5 * solid.height + r.between(2, 20)),
+                            "]"});
+    else
+        s.blocks.push_back(
+            {"[hand]", "track = [", line("    { t_s = 0, position_mm = [0, 0, %.3f] },", 0.5 * solid.height), "]"});
+    for (int i = 0; i < std::max(2, fingers); ++i) {
+        const double side = i % 2 ? 1 : -1, x = 20.0 * (i / 2) - 10 * (std::max(2, fingers) / 2 - 1);
+        const double from = 0.5 * solid.width;
+        Block b = finger(r, line("finger %d", i), elements);
+        b.emplace_back("track = [");
+        b.push_back(keyframe(0, x, side * (from + 11), 0, -90 * side, 0));
+        b.push_back(keyframe(close, x, side * (from + 7.5 - squeeze), 0, -90 * side, 0));
+        b.emplace_back("]");
+        s.blocks.push_back(b);
+    }
+}
+
+/// Bodies dropped beside and on each other, fingers poke them.
+void draw_pile(Random& r, RandomScene& s, int fingers, int elements, double dt) {
+    Block table{"[[object]]", "name = \"table\"", "kind = \"plane\"", line("friction = %.3f", r.between(0, 1))};
+    const bool last = r.chance(0.5);  // the order in which objects are declared must not matter
+    if (!last) s.blocks.push_back(table);
+    const int bodies = r.integer(1, 9);
+    double top = 0;
+    for (int i = 0; i < bodies; ++i) {
+        const Solid solid = random_solid(r, 8, 20);
+        const double gap = r.between(0, 3), x = r.between(-2, 2), y = r.between(-2, 2);
+        Block b = object(line("body %d", i).c_str(), solid.keys, x, y, top + gap + 0.5 * solid.height);
+        add_matter(r, b, true, random_friction(r));
+        s.blocks.push_back(b);
+        top += gap + solid.height;
+    }
+    if (last) s.blocks.push_back(table);
+    for (int i = 0; i < fingers; ++i) {
+        Block b = finger(r, line("finger %d", i), elements);
+        add_press(r, b, r.between(-10, 10), 26.0 * (i - 0.5 * (fingers - 1)), top + r.between(0, 3), dt);
+        s.blocks.push_back(b);
+    }
+}
+
+/// A body falls on fingers that lie still, pads up or down.
+void draw_drop(Random& r, RandomScene& s, int fingers, int elements) {
+    for (int i = 0; i < fingers; ++i) {
+        const double y = 26.0 * (i - 0.5 * (fingers - 1));
+        Block b = finger(r, line("finger %d", i), elements);
+        b.push_back(line("track = [ { t_s = 0, position_mm = [0, %.2f, 0], rotation_deg = [180, 0, 0] } ]", y));
+        s.blocks.push_back(b);
+        const Solid solid = random_solid(r, 12, 24);
+        Block body = object(line("body %d", i).c_str(), solid.keys, r.between(-2, 2), y,
+                            10 + r.between(1, 30) + 0.5 * solid.height);
+        body.push_back(line("mass_g = %.3f", r.log_between(1, 200)));
+        if (r.chance(0.5)) body.push_back(line("friction = %.3f", r.between(0.1, 1)));
+        s.blocks.push_back(body);
+    }
+    if (r.chance(0.3)) s.blocks.push_back({"[coupling]", line("stiffness_N_per_mm = %.3f", r.log_between(0.5, 500))});
+}
+
+}  // namespace
+
+RandomScene random_scene(unsigned seed) {
+    Random r{seed};
+    for (int i = 0; i < 4; ++i) r.next();
+    RandomScene s;
+    const double steps_ms[] = {0.5, 1, 2, 5, 10, 20};
+    const double dt_ms = steps_ms[r.integer(0, 5)];
+    const int fingers = r.chance(0.5) ? 1 : r.integer(2, r.chance(0.2) ? 10 : 5);
+    const int elements[] = {120, 180, 250};
+    s.blocks.push_back({line("dt_ms = %g", dt_ms), line("duration_s = %g", 1e-3 * dt_ms * r.integer(30, 60))});
+    Block solver{"[solver]",
+                 line("preset = \"%s\"", r.one_of({"fast", "balanced", "accurate", "reference", "reference"}))};
+    if (r.chance(0.35)) solver.emplace_back("precision = \"float\"");
+    if (r.chance(0.2)) solver.emplace_back("detail = \"auto\"");
+    if (r.chance(0.15)) solver.emplace_back("sample_refinement = 2");
+    s.blocks.push_back(solver);
+    if (r.chance(0.6))
+        s.blocks.push_back(
+            {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
+    const int size = elements[r.integer(0, 2)];
+    const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
+    if (kind < 0.4)
+        draw_press(r, s, fingers, size, dt);
+    else if (kind < 0.65)
+        draw_grasp(r, s, fingers, size, dt);
+    else if (kind < 0.85)
+        draw_pile(r, s, std::min(fingers, 3), size, dt);
+    else
+        draw_drop(r, s, fingers, size);
+    return s;
+}
+
+std::string to_text(const RandomScene& scene) {
+    std::string text;
+    for (const auto& block : scene.blocks) {
+        for (const auto& l : block) text += l + "\n";
+        text += "\n";
+    }
+    return text;
+}
+
+}  // namespace palpate

@@ -1,0 +1,21 @@
+#pragma once
+// Scenes as people write them, drawn at random: fingers that press, pinch, poke and catch what there is.
+
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+/// A scene as blocks of lines: the first stands above all tables, each other begins with its table's header. Lines and
+/// blocks can be left out one by one (shrink_scene).
+struct RandomScene {
+    std::vector<std::vector<std::string>> blocks;
+};
+
+/// The same scene for the same seed, on every machine.
+RandomScene random_scene(unsigned seed);
+
+/// Text of a scene file.
+std::string to_text(const RandomScene& scene);
+
+}  // namespace palpate

@@ -1,0 +1,120 @@
+#include "scenes/studies/random/random_trials.h"
+
+#include <poll.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <fstream>
+
+#include "meshes/input_error.h"
+#include "scenes/studies/random/shrink.h"
+
+namespace palpate {
+
+namespace {
+
+/// In the child: one line "law\tfound" per violation.
+[[noreturn]] void report_and_leave(const std::filesystem::path& file, int out) {
+    std::string text;
+    try {
+        for (const Violation& v : broken_laws(file)) text += v.law + "\t" + v.found + "\n";
+    } catch (const InputError& error) {
+        text = "scenes load\t" + error.messages.front() + "\n";
+    } catch (const std::exception& error) { text = std::string("nothing is thrown\t") + error.what() + "\n"; }
+    const char* p = text.data();
+    for (std::size_t left = text.size(); left > 0;) {
+        const ssize_t n = ::write(out, p, left);
+        if (n <= 0) break;
+        p += n, left -= std::size_t(n);
+    }
+    _exit(0);
+}
+
+/// Reads until the end or the deadline; false where it came first.
+bool read_all(int in, double seconds, std::string& text) {
+    const auto start = std::chrono::steady_clock::now();
+    char buffer[4096];
+    while (true) {
+        const double left = seconds - std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        pollfd p{in, POLLIN, 0};
+        if (left <= 0 || (::poll(&p, 1, int(1e3 * left) + 1) == 0)) return false;
+        const ssize_t n = ::read(in, buffer, sizeof buffer);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) return true;
+        text.append(buffer, std::size_t(n));
+    }
+}
+
+std::vector<Violation> parse(const std::string& text) {
+    std::vector<Violation> all;
+    for (std::size_t begin = 0; begin < text.size();) {
+        const std::size_t end = text.find('\n', begin), tab = text.find('\t', begin);
+        if (end == std::string::npos || tab > end) break;
+        all.push_back({text.substr(begin, tab - begin), text.substr(tab + 1, end - tab - 1)});
+        begin = end + 1;
+    }
+    return all;
+}
+
+/// The laws that a scene breaks, found out in a process of its own. No thread has been started before it is forked.
+std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::path& file, double time_limit) {
+    std::ofstream(file) << to_text(scene);
+    int ends[2];
+    if (::pipe(ends) != 0) throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
+    const pid_t child = ::fork();
+    if (child < 0) throw std::runtime_error(std::string("fork: ") + std::strerror(errno));
+    if (child == 0) {
+        ::close(ends[0]);
+        report_and_leave(file, ends[1]);
+    }
+    ::close(ends[1]);
+    std::string text;
+    const bool ended = read_all(ends[0], time_limit, text);
+    ::close(ends[0]);
+    if (!ended) ::kill(child, SIGKILL);
+    int status = 0;
+    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {}
+    std::vector<Violation> all = parse(text);
+    if (!ended) all.push_back({"every step ends", "no end within " + std::to_string(int(time_limit)) + " s"});
+    if (ended && WIFSIGNALED(status))
+        all.push_back({"nothing crashes", std::string("ended by ") + strsignal(WTERMSIG(status))});
+    return all;
+}
+
+bool breaks(const std::vector<Violation>& violations, const std::string& law) {
+    return std::any_of(violations.begin(), violations.end(), [&](auto& v) { return v.law == law; });
+}
+
+}  // namespace
+
+void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
+                       const std::function<void(const RandomTrial&)>& after_each) {
+    for (int k = 0; k < t.count && !stop; ++k) {
+        RandomTrial trial;
+        trial.seed = unsigned(t.first_seed + k);
+        const std::filesystem::path file = t.folder / ("random-" + std::to_string(trial.seed) + ".toml");
+        RandomScene scene = random_scene(trial.seed);
+        trial.violations = judge(scene, file, t.time_limit);
+        if (stop) break;
+        if (trial.violations.empty()) {
+            std::filesystem::remove(file);
+        } else {
+            const std::string law = trial.violations.front().law;
+            if (t.shrink)
+                scene = shrink_scene(scene, [&](const RandomScene& smaller) {
+                    return !stop && breaks(judge(smaller, file, t.time_limit), law);
+                });
+            std::ofstream(file) << "# seed " << trial.seed << ": " << law << "\n# " << trial.violations.front().found
+                                << "\n"
+                                << to_text(scene);
+            trial.file = file;
+        }
+        after_each(trial);
+    }
+}
+
+}  // namespace palpate

@@ -1,0 +1,30 @@
+#pragma once
+// Thousands of random scenes against the laws, each in a process of its own: a crash or a hang is a finding, too.
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+
+#include "scenes/studies/random/laws.h"
+
+namespace palpate {
+
+struct RandomTrial {
+    unsigned seed = 0;
+    std::vector<Violation> violations;
+    std::filesystem::path file;  ///< the smallest scene found that breaks the first of them; empty without any
+};
+
+struct RandomTrials {
+    int first_seed = 1;
+    int count = 100;
+    bool shrink = true;
+    double time_limit = 120;             ///< of one scene [s]
+    std::filesystem::path folder = ".";  ///< of scenes that break a law: random-SEED.toml
+};
+
+/// Tries them all, or until `stop`. Calls after_each for every scene in order of seeds.
+void try_random_scenes(const RandomTrials& trials, const std::atomic<bool>& stop,
+                       const std::function<void(const RandomTrial&)>& after_each);
+
+}  // namespace palpate

@@ -1,0 +1,389 @@
+// Boards whose links are of our own: what is sent, what latches, what is written down.
+
+#include <fstream>
+#include <thread>
+
+#include "devices/drivers/board.h"
+#include "devices/loop/device_thread.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::eventually;
+
+/// A controller of our own, which remembers and breaks.
+struct FakeState {
+    std::mutex mutex;
+    std::vector<ChannelTarget> seen;
+    std::vector<double> times;  ///< of what was seen [s]
+    std::vector<double> speed_shares;
+    std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
+    std::atomic<int> delay_ms{0}, deaf{-1}, lets_go{0};
+};
+class FakeLink final : public BoardLink {
+  public:
+    explicit FakeLink(FakeState& state) : state_(state) {}
+    std::string open(std::span<WireValue> positions) override {
+        if (!state_.there) return "not there";
+        positions[0] = 5000;
+        return "";
+    }
+    void close() override {}
+    void deactivate() override { ++state_.lets_go; }
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+        std::this_thread::sleep_for(std::chrono::milliseconds(state_.delay_ms));
+        if (state_.vanish) return {"gone", true, FaultKind::unplugged};
+        if (state_.refuse) return {"refused", false, FaultKind::refused};
+        const std::lock_guard lock(state_.mutex);
+        LinkProblem problem;
+        for (std::size_t i = 0; i < targets.size(); ++i) {
+            if (targets[i].channel == state_.deaf) {
+                problem = {"refused", false, FaultKind::refused};
+                continue;
+            }
+            state_.seen.push_back(targets[i]), arrived[i] = 1;
+            state_.times.push_back(device_clock());
+        }
+        return problem;
+    }
+    LinkProblem feed() override {
+        if (state_.complain) return {"reports errors", false, FaultKind::reported};
+        return state_.vanish ? LinkProblem{"gone", true, FaultKind::unplugged} : LinkProblem{};
+    }
+    LinkProblem limit_speed(double share) override {
+        const std::lock_guard lock(state_.mutex);
+        state_.speed_shares.push_back(share);
+        return {};
+    }
+
+  private:
+    FakeState& state_;
+};
+
+TEST(Board, SendsOnlyWhatChanged) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    for (int k = 0; k < 5; ++k) {
+        board.limit(2, wire_limits({}, 4, 6));
+        board.limit(3, wire_limits({}, 4, 6));
+        board.set(2, 6000);
+        board.set(3, 6100);
+        board.set(4, 6200);  // without limits
+        board.wake();
+        board.drain();
+    }
+    EXPECT_EQ(state.seen.size(), 2u);  // both unknown: sent as they are
+    EXPECT_EQ(board.position(0), 5000);
+    EXPECT_EQ(board.position(2), 6000);
+}
+
+TEST(Board, OneFailureIsTriedAgainManyAreALoss) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    board.limit(1, wire_limits({}, 4, 6));
+    state.refuse = true;
+    board.set(1, 6000);
+    board.wake();
+    ASSERT_TRUE(eventually([&] { return board.status().failures > 0; }));
+    state.refuse = false;
+    ASSERT_TRUE(eventually([&] { return board.position(1) == 6000; }));
+    EXPECT_EQ(board.state(), BoardState::active);
+    state.refuse = true;
+    board.set(1, 6400);
+    ASSERT_TRUE(eventually([&] { return board.state() == BoardState::faulted; }));
+    EXPECT_EQ(board.status().problem, "refused");
+    EXPECT_EQ(board.status().fault, FaultKind::refused);
+    EXPECT_EQ(state.lets_go, 1);
+}
+
+TEST(Board, AServoThatRefusesLatchesWhileOthersMove) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    for (int c : {1, 2, 3}) board.limit(c, {4000, 8000, 1e5});
+    state.deaf = 2;
+    const double began = device_clock();
+    for (int k = 0; k < 1000 && board.state() == BoardState::active; ++k) {
+        for (int c : {1, 2, 3}) board.set(c, WireValue(6000 + k % 100));
+        board.wake();
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    EXPECT_EQ(board.state(), BoardState::faulted) << "good writes elsewhere hid it";
+    EXPECT_GE(device_clock() - began, AnswerWatch::answer_time);
+    const BoardStatus status = board.status();
+    EXPECT_GE(status.write_failures[2], 2);
+    EXPECT_EQ(status.write_failures[1], 0);
+    EXPECT_GT(status.values, 0);
+}
+
+TEST(Board, AnErrorThatStaysLatchesWhileTheHandMoves) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    board.limit(1, {4000, 8000, 1e5});
+    state.complain = true;
+    for (int k = 0; k < 1000 && board.state() == BoardState::active; ++k) {
+        board.set(1, WireValue(6000 + k % 100));
+        board.wake();
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    EXPECT_EQ(board.status().fault, FaultKind::reported) << "good writes hid it";
+}
+
+TEST(Board, TheFirstMoveIsSlowWhereverServosAre) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    const WireLimits limits{4000, 8000, 12000};
+    board.limit(0, limits);  // found at 5000
+    board.limit(1, limits);  // nobody knows where it is
+    const double began = device_clock();
+    board.set(0, 6500), board.set(1, 6500);
+    board.wake();
+    ASSERT_TRUE(eventually([&] { return board.position(0) == 6500; }));
+    EXPECT_GT(device_clock() - began, 0.7 * 1500 / (12000 * first_move_share));
+    {
+        const std::lock_guard lock(state.mutex);
+        EXPECT_TRUE(state.speed_shares.empty()) << "the controller's own limit stays low meanwhile";
+    }
+    ASSERT_TRUE(eventually([&] {
+        const std::lock_guard lock(state.mutex);
+        return !state.speed_shares.empty();
+    }));
+    EXPECT_EQ(state.speed_shares.back(), 1);
+    EXPECT_GT(device_clock() - began, 1.5) << "long enough for a servo that came from anywhere";
+}
+
+TEST(Board, AgesAreThoseOfPosesAtTheWire) {
+    FakeState state;
+    state.delay_ms = 20;
+    Board board(std::make_unique<FakeLink>(state));
+    board.limit(1, {4000, 8000, 1e6});
+    for (int k = 0; k < 5; ++k) {
+        board.set(1, WireValue(6000 + k), device_clock() - 0.005);
+        board.wake();
+        board.drain(5);
+    }
+    EXPECT_EQ(board.age(1).count(), 5);
+    EXPECT_GE(board.age(1).quantile(0.01), 0.025) << "5 ms before it was sent, 20 ms on the way";
+    board.set(1, 7000);
+    board.wake();
+    board.drain(5);
+    EXPECT_EQ(board.age(1).count(), 5) << "no pose is behind it";
+}
+
+TEST(Board, FaultsAreWrittenDownWithWhatWasSentBefore) {
+    testing::ScratchFolder scratch;
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state), scratch.path / "not" / "there" / "audit_fake");
+    board.limit(1, {4000, 8000, 1e6});
+    board.set(1, 6000, device_clock() - 0.005);
+    board.wake();
+    board.drain(5);
+    state.there = false;
+    state.vanish = true;
+    ASSERT_TRUE(eventually([&] { return std::filesystem::exists(scratch.path / "not/there/audit_fake_1.csv"); }));
+    std::string all;
+    ASSERT_TRUE(eventually([&] {
+        std::ifstream in(scratch.path / "not/there/audit_fake_1.csv");
+        all.assign(std::istreambuf_iterator<char>(in), {});
+        return all.find(",1,target,6000,1,") != std::string::npos;
+    }));
+    EXPECT_NE(all.find("inactive to active: armed"), std::string::npos) << all;
+    EXPECT_NE(all.find("active to faulted: unplugged: gone"), std::string::npos) << all;
+    state.vanish = false;
+    state.there = true;
+    ASSERT_TRUE(eventually([&] { return board.rearm(); }));
+    const auto transitions = board.status().transitions;
+    std::string way;
+    for (const auto& t : transitions) way += std::string(name(t.to)) + " ";
+    EXPECT_EQ(way, "inactive active faulted inactive active ");
+    for (std::size_t k = 1; k < transitions.size(); ++k) {
+        EXPECT_GE(transitions[k].at, transitions[k - 1].at);
+        EXPECT_EQ(transitions[k].from, transitions[k - 1].to);
+        EXPECT_FALSE(transitions[k].reason.empty());
+    }
+}
+
+TEST(Board, WhatWasWantedBeforeALossIsNotSentAfterIt) {
+    FakeState state;
+    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
+    DeviceModel model = find_kind("chinello-3rrs")->defaults();
+    ThimbleLoop loop;
+    initialise(loop, model, {}, make_board_driver(board, {0, 1, 2}, std::vector<ServoCalibration>(3), {}));
+    double t = 0;
+    tick(loop, t += 0.02);
+    board->drain();
+    state.there = false;
+    state.vanish = true;
+    ASSERT_TRUE(eventually([&] { return board->state() == BoardState::faulted; }));
+    tick(loop, t += 0.02);
+    EXPECT_EQ(loop.status.mode, ThimbleMode::fault);
+    {
+        const std::lock_guard lock(state.mutex);
+        state.seen.clear();
+    }
+    EXPECT_FALSE(rearm(loop, t));
+    state.vanish = false;
+    state.there = true;
+    ASSERT_TRUE(eventually([&] { return board->status().opened == 2; }));
+    tick(loop, t += 0.02);
+    std::this_thread::sleep_for(std::chrono::milliseconds(60));
+    EXPECT_EQ(loop.status.mode, ThimbleMode::fault);
+    EXPECT_TRUE(state.seen.empty());  // latched, although it is back
+    EXPECT_TRUE(eventually([&] { return rearm(loop, t); }));
+    tick(loop, t += 0.02);
+    board->drain();
+    EXPECT_FALSE(state.seen.empty());
+    EXPECT_EQ(loop.status.mode, ThimbleMode::resting);
+}
+
+TEST(Board, ASlowControllerDelaysNoTick) {
+    FakeState state;
+    state.delay_ms = 150;
+    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
+    auto driver = make_board_driver(board, {0, 1, 2}, std::vector<ServoCalibration>(3), {});
+    const auto start = std::chrono::steady_clock::now();
+    for (int k = 0; k < 200; ++k) driver->send(Eigen::Vector3d(0.001 * k, 0, 0), 0.02 * k);
+    // Two hundred sends would take half a minute if they waited; this bound is far from both.
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
+}
+
+TEST(DeviceThreads, StartWhereServosAreAndEndInTheRestPose) {
+    FakeState state;
+    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
+    ThimbleLoop loop;
+    initialise(loop, find_kind("chinello-3rrs")->defaults(), {},
+               make_board_driver(board, {0, 1, 2}, std::vector<ServoCalibration>(3), {}));
+    {
+        DeviceThread thread({&loop});
+        EXPECT_TRUE(eventually([&] {  // slowly at first
+            loop.mailbox.publish({0, Eigen::Vector3d(0.2, -0.2, 0.1), true});
+            return std::abs(angle_of({}, 4, board->position(0)) - 0.2) < 0.126 / 636;
+        }));
+    }
+    EXPECT_TRUE(board->drain(5));
+    EXPECT_TRUE(at_rest(loop));
+    for (int j = 0; j < 3; ++j)
+        EXPECT_NEAR(angle_of({}, 4, board->position(j)), loop.rest_q[j], 0.126 / 636) << "joint " << j;
+    // Never faster than the limit: the board takes at most one target a channel and tick.
+    WireValue last = 5000;
+    const std::lock_guard lock(state.mutex);
+    for (const ChannelTarget& t : state.seen) {
+        if (t.channel != 0) continue;
+        EXPECT_LE(std::abs(t.value - last), 4 * 636.62 * 6 * 1.05 * 0.1);
+        last = t.value;
+    }
+}
+
+/// A controller that fails at random in every way that a link can, and judges what it is told.
+struct Judge {
+    std::mutex mutex;
+    std::mt19937 random;
+    WireLimits limits;
+    bool open = false, active = false;
+    struct Servo {
+        double low = 0, high = 0, at = 0;  ///< where it may be; 0: anywhere
+    };
+    std::array<Servo, 4> servos;
+    std::string verdict;
+    int faults = 0, writes = 0;
+    bool chance(int one_in) { return random() % unsigned(one_in) == 0; }
+};
+class HostileLink final : public BoardLink {
+  public:
+    explicit HostileLink(Judge& judge) : judge_(judge) {}
+    std::string open(std::span<WireValue> positions) override {
+        const std::lock_guard lock(judge_.mutex);
+        if (judge_.open) close_now();
+        if (judge_.faults > 0 && judge_.chance(3)) return "not there";
+        for (std::size_t c = 0; c < judge_.servos.size(); ++c) {
+            const WireValue at = WireValue(4000 + judge_.random() % 4000);  // somebody may have turned it
+            positions[c] = at;
+            judge_.servos[c] = {double(at), double(at), device_clock()};
+        }
+        judge_.open = true;
+        return "";
+    }
+    void close() override {
+        const std::lock_guard lock(judge_.mutex);
+        close_now();
+    }
+    LinkProblem activate() override {
+        const std::lock_guard lock(judge_.mutex);
+        if (!judge_.open) judge_.verdict += "activated while closed; ";
+        if (judge_.faults > 0 && judge_.chance(6)) return fail({"no", true, FaultKind::refused});
+        judge_.active = true;
+        return {};
+    }
+    void deactivate() override {
+        const std::lock_guard lock(judge_.mutex);
+        judge_.active = false;
+    }
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+        const std::lock_guard lock(judge_.mutex);
+        ++judge_.writes;
+        if (!judge_.open || !judge_.active) judge_.verdict += "told after a latch; ";
+        const bool all_lost = judge_.chance(12);
+        LinkProblem problem;
+        for (std::size_t i = 0; i < targets.size(); ++i) {
+            const bool lost = all_lost || judge_.chance(15);
+            judge(targets[i], lost);
+            arrived[i] = !lost;
+            if (lost) problem = {"lost", false, FaultKind::silent};
+        }
+        if (judge_.chance(60)) return fail({"gone", true, FaultKind::unplugged});
+        return problem;
+    }
+    LinkProblem feed() override {
+        const std::lock_guard lock(judge_.mutex);
+        if (judge_.chance(20)) return fail({"bitten", true, FaultKind::watchdog});
+        return judge_.chance(3) ? LinkProblem{"errors", false, FaultKind::reported} : LinkProblem{};
+    }
+
+  private:
+    void close_now() { judge_.open = judge_.active = false; }
+    LinkProblem fail(LinkProblem p) {
+        ++judge_.faults;
+        return p;
+    }
+    /// In range; and from wherever the servo may be no farther than speed allows, or than half of what is unknown.
+    void judge(const ChannelTarget& t, bool lost) {
+        Judge::Servo& s = judge_.servos[std::size_t(t.channel)];
+        const WireLimits& l = judge_.limits;
+        if (t.value < l.min || t.value > l.max) judge_.verdict += "out of range; ";
+        const double now = device_clock(), time = now - s.at, v = t.value;
+        const double most = std::max(l.speed * time, 0.5 * (s.high - s.low)) + 1.5;
+        if (std::max(v - s.low, s.high - v) > most)
+            judge_.verdict += "channel " + std::to_string(t.channel) + " by " +
+                              std::to_string(std::max(v - s.low, s.high - v)) + " in " + std::to_string(time) + " s; ";
+        s = lost ? Judge::Servo{std::min(s.low, v), std::max(s.high, v), now} : Judge::Servo{v, v, now};
+    }
+    Judge& judge_;
+};
+
+TEST(Board, AnySequenceOfFaultsStaysSafe) {
+    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 60;
+    std::int64_t faults = 0, rearmed = 0;
+    for (int seed = 1; seed <= runs; ++seed) {
+        Judge judge;
+        judge.random.seed(unsigned(seed));
+        judge.limits = {4000, 8000, 15000, 700000};
+        {
+            Board board(std::make_unique<HostileLink>(judge));
+            for (int c = 0; c < 4; ++c) board.limit(c, judge.limits);
+            std::mt19937 hand(static_cast<unsigned>(seed + 1000));
+            for (int k = 0; k < 60; ++k) {
+                for (int c = 0; c < 4; ++c) board.set(c, WireValue(hand() % 12000));
+                board.wake();
+                std::this_thread::sleep_for(std::chrono::milliseconds(3));
+                if (k % 10 == 9 && board.state() != BoardState::active) rearmed += board.rearm();
+            }
+            faults += board.status().faults;
+        }
+        ASSERT_EQ(judge.verdict, "") << "seed " << seed;
+        ASSERT_GT(judge.writes, 0);
+    }
+    EXPECT_GT(faults, runs / 4);
+}
+
+}  // namespace
+}  // namespace palpate

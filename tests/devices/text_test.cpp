@@ -1,0 +1,296 @@
+// Controllers that one builds oneself: the text protocol, and its driver against the reference sketch, which runs here
+// unchanged, on a clock that the tests move.
+
+#include <pty.h>
+#include <unistd.h>
+
+#include <map>
+#include <thread>
+
+#include "devices/drivers/text_link.h"
+#include "devices/drivers/text_protocol.h"
+#include "tests/arduino/computer/Arduino.h"
+#include "tests/support.h"
+
+namespace sketch {
+using arduino::Serial;
+inline unsigned long millis() { return arduino::clock_ms; }
+#include "devices/arduino/palpate_servos/palpate_servos.ino"
+}  // namespace sketch
+
+namespace palpate {
+namespace {
+
+using testing::eventually;
+
+std::span<const std::uint8_t> bytes_of(const std::string& s) {
+    return {reinterpret_cast<const std::uint8_t*>(s.data()), s.size()};
+}
+
+TEST(TextProtocol, LinesAreWhole) {
+    EXPECT_EQ(text::checksum("123456789"), 0x29B1) << "the published check of CRC-16/CCITT-FALSE";
+    EXPECT_EQ(text::line_of(7, "hello").substr(0, 8), "7 hello*");
+    const ChannelTarget targets[] = {{0, 1500}, {11, 900}};
+    char out[text::longest_line];
+    const std::size_t size = text::encode_targets(60000, "set", targets, out);
+    EXPECT_EQ(std::string(out, size), text::line_of(60000, "set 0=1500 11=900"));
+    EXPECT_EQ(text::encode_targets(1, "set", targets, std::span(out, 15)), 0u);
+    EXPECT_EQ(sketch::crc_of("123456789", 9), 0x29B1);
+}
+
+TEST(TextProtocol, DamagedRepliesAreDropped) {
+    const std::string good = text::line_of(12, "ok state=armed 3=1498");
+    for (std::size_t i = 0; i + 1 < good.size(); ++i)
+        for (int bit = 0; bit < 8; ++bit) {
+            std::string bad = good;
+            bad[i] = char(bad[i] ^ 1 << bit);
+            text::ReplyReader reader;
+            reader.add(bytes_of(bad));
+            EXPECT_FALSE(reader.next()) << bad;
+        }
+    std::mt19937 random(5);
+    for (int run = 0; run < 500; ++run) {
+        text::ReplyReader reader;
+        std::string noise;
+        for (unsigned n = random() % 600; n > 0; --n) noise += char(random());
+        const std::string line = noise + "\n" + good;
+        int found = 0;
+        for (std::size_t at = 0; at < line.size();) {
+            const std::size_t piece = std::min<std::size_t>(1 + random() % 300, line.size() - at);
+            reader.add(bytes_of(line.substr(at, piece)));
+            at += piece;
+            while (const auto r = reader.next()) {
+                EXPECT_EQ(r->number, 12u);
+                EXPECT_TRUE(r->ok);
+                EXPECT_EQ(r->word("state"), "armed");
+                EXPECT_EQ(r->value("3"), 1498);
+                EXPECT_FALSE(r->value("state"));
+                EXPECT_FALSE(r->value("4"));
+                ++found;
+            }
+        }
+        EXPECT_EQ(found, 1);
+    }
+}
+
+/// The sketch on a board whose port is a pseudo-terminal.
+class SketchBoard {
+  public:
+    std::string port;
+    std::atomic<bool> hangs{false};
+    SketchBoard() {
+        char name[256];
+        if (openpty(&arduino::Serial.fd, &slave_, name, nullptr, nullptr) != 0) throw std::runtime_error("no pty");
+        port = name;
+        arduino::pulses.clear();
+        for (auto& servo : sketch::outputs) servo = {};
+        sketch::setup();
+        thread_ = std::thread([this] {
+            while (!stop_) {
+                if (!hangs) sketch::loop();
+                ++rounds_;
+                usleep(200);
+            }
+        });
+    }
+    ~SketchBoard() {
+        stop_ = true;
+        thread_.join();
+        ::close(arduino::Serial.fd);
+        ::close(slave_);
+        arduino::Serial.fd = -1;
+    }
+    /// Lets the board's time go on, in steps as its loop would see them.
+    void pass(unsigned long ms) {
+        for (unsigned long k = 0; k < ms; k += 2) {
+            arduino::clock_ms += 2;
+            const long seen = rounds_;
+            while (rounds_ < seen + 2) usleep(100);
+        }
+    }
+    /// The pulse that a pin's servo gets now; 0: none.
+    static int pulse(int pin) {
+        const std::lock_guard lock(arduino::pulses_mutex);
+        int us = 0;
+        for (const arduino::Pulse& p : arduino::pulses)
+            if (p.pin == pin) us = p.us;
+        return us;
+    }
+    /// Every pulse was in range, and changed no faster than the limit [us/s].
+    static void expect_bounded(double us_per_s) {
+        const std::lock_guard lock(arduino::pulses_mutex);
+        std::map<int, arduino::Pulse> last;
+        for (const arduino::Pulse& p : arduino::pulses) {
+            if (p.us != 0) {
+                EXPECT_GE(p.us, 900);
+                EXPECT_LE(p.us, 2100);
+            }
+            const auto before = last.find(p.pin);
+            if (before != last.end() && before->second.us != 0 && p.us != 0) {
+                const double ms = double(p.at_ms - before->second.at_ms);
+                EXPECT_LE(std::abs(p.us - before->second.us), us_per_s * 1e-3 * std::min(ms, 50.0) + 1);
+            }
+            last[p.pin] = p;
+        }
+    }
+
+  private:
+    int slave_ = -1;
+    std::atomic<bool> stop_{false};
+    std::atomic<long> rounds_{0};
+    std::thread thread_;
+};
+
+/// A call that has to go well, but for answers that a busy machine gives too late.
+template <class Call>
+void must(Call call) {
+    LinkProblem problem;
+    for (int k = 0; k < 100; ++k)
+        if (problem = call(); !problem || problem.kind != FaultKind::silent) break;
+    EXPECT_FALSE(problem) << problem.text;
+}
+
+struct Bench {
+    SketchBoard board;
+    std::unique_ptr<BoardLink> link;
+    std::array<WireValue, max_channels> positions{};
+    explicit Bench(double speed_us_per_s = 600) {
+        link = make_text_link({board.port, {0, 1, 2}, speed_us_per_s, true, 30});
+        EXPECT_EQ(link->open(positions), "");
+    }
+    void arm() {
+        must([&] { return link->activate(); });
+        must([&] { return link->limit_speed(1); });
+    }
+    void set(int channel, int us) {
+        const ChannelTarget target[] = {{channel, WireValue(us)}};
+        char arrived[1] = {0};
+        must([&] { return link->write(target, arrived); });
+        EXPECT_EQ(arrived[0], 1);
+    }
+};
+
+TEST(TextBoard, ServosFollowWithinTheBoardsOwnLimit) {
+    Bench bench;
+    EXPECT_EQ(bench.positions[0], no_pulse) << "a servo without pulses is anywhere";
+    EXPECT_EQ(bench.board.pulse(3), 0) << "nothing moves before it is armed";
+    bench.arm();
+    bench.set(0, 1500);
+    bench.board.pass(10);
+    EXPECT_EQ(bench.board.pulse(3), 1500);
+    bench.set(0, 1800);
+    bench.board.pass(100);
+    EXPECT_NEAR(bench.board.pulse(3), 1560, 8);
+    for (int k = 0; k < 6; ++k) {
+        must([&] { return bench.link->feed(); });
+        bench.board.pass(100);
+    }
+    EXPECT_EQ(bench.board.pulse(3), 1800);
+    EXPECT_EQ(bench.board.pulse(5), 0);
+    bench.board.expect_bounded(600);
+    // Whoever opens it next learns where its servos are.
+    bench.link->close();
+    EXPECT_EQ(bench.link->open(bench.positions), "");
+    EXPECT_EQ(bench.positions[0], 1800);
+}
+
+TEST(TextBoard, SilenceSendsServosHomeAndIsSeen) {
+    Bench bench;
+    bench.arm();
+    bench.set(1, 1500);
+    bench.board.pass(190);
+    EXPECT_EQ(bench.board.pulse(5), 1500);
+    bench.board.pass(20);
+    EXPECT_EQ(bench.board.pulse(5), 0) << "its home is to let go";
+    EXPECT_EQ(sketch::board.state, sketch::board_home);
+    LinkProblem problem;
+    EXPECT_TRUE(eventually([&] { return (problem = bench.link->feed()).kind == FaultKind::watchdog; })) << problem.text;
+    EXPECT_TRUE(problem.lost);
+    const ChannelTarget target[] = {{1, 1600}};
+    char arrived[1] = {0};
+    EXPECT_TRUE(eventually([&] { return bench.link->write(target, arrived).kind == FaultKind::watchdog; }));
+    EXPECT_EQ(arrived[0], 0);
+    bench.board.pass(20);
+    EXPECT_EQ(bench.board.pulse(5), 0) << "nothing moves until it is armed anew";
+    must([&] { return bench.link->activate(); });
+    bench.set(1, 1600);
+    bench.board.pass(10);
+    EXPECT_EQ(bench.board.pulse(5), 1600);
+    bench.link->deactivate();
+    bench.board.pass(10);
+    EXPECT_EQ(bench.board.pulse(5), 0);
+}
+
+TEST(TextBoard, HomeIsReachedSlowly) {
+    const sketch::ServoConfig config[] = {{9, 900, 2100, 1500}};
+    arduino::pulses.clear();
+    for (auto& servo : sketch::outputs) servo = {};
+    sketch::ServoBoard b;
+    begin_board(b, config, 1, 0);
+    auto say = [&](const std::string& words, unsigned long now) {
+        for (const char c : text::line_of(1, words)) receive_byte(b, c, std::uint32_t(now));
+    };
+    say("speed 0=5000", 0), say("arm", 0), say("set 0=2100", 0);
+    EXPECT_EQ(b.channel[0].at >> 8, 1500u) << "it starts where it was parked";
+    for (unsigned long t = 0; t <= 200; t += 2) tick_board(b, std::uint32_t(t));
+    EXPECT_EQ(b.channel[0].at >> 8, 2100u);
+    tick_board(b, 202);  // the watchdog bites
+    for (unsigned long t = 204; t <= 1204; t += 2) tick_board(b, std::uint32_t(t));
+    EXPECT_NEAR(double(b.channel[0].at >> 8), 2100 - sketch::slow_us_per_s, 4);
+    for (unsigned long t = 1204; t <= 2000; t += 2) tick_board(b, std::uint32_t(t));
+    EXPECT_EQ(b.channel[0].at >> 8, 1500u);
+}
+
+/// Lines of commands with anything in them, damaged lines, and noise: nothing leaves range and speed, nothing moves
+/// that was not armed, and the board goes on answering.
+TEST(TextBoard, NoiseAndHostileLinesAreHarmless) {
+    arduino::pulses.clear();
+    arduino::clock_ms = 0;
+    for (auto& servo : sketch::outputs) servo = {};
+    sketch::setup();
+    std::mt19937 random(8);
+    const char* verbs[] = {"set", "set", "set", "speed", "watchdog", "about", "hello", "feed", "rest", "nonsense", ""};
+    auto say = [&](std::string line) {
+        for (const char c : line) receive_byte(sketch::board, c, std::uint32_t(arduino::clock_ms));
+    };
+    auto number = [&] { return std::to_string(random() % 5 ? random() % 2500 : random()); };
+    for (int run = 0; run < 100'000; ++run) {
+        if (run == 20'000) {
+            const std::lock_guard lock(arduino::pulses_mutex);
+            EXPECT_TRUE(arduino::pulses.empty()) << "nothing moves before it is armed";
+        }
+        std::string words = run >= 20'000 && random() % 10 == 0 ? "arm" : verbs[random() % std::size(verbs)];
+        for (unsigned k = random() % 4; k > 0; --k)
+            words.append(" ").append(std::to_string(random() % 8)).append(random() % 20 ? "=" : " ").append(number());
+        std::string line = text::line_of(unsigned(random() % 60001), words);
+        if (random() % 3 == 0) line[random() % line.size()] = char(random());
+        if (random() % 50 == 0) line = std::string(random() % 400, char(random()));
+        say(line);
+        arduino::clock_ms += random() % 7;
+        tick_board(sketch::board, std::uint32_t(arduino::clock_ms));
+    }
+    SketchBoard::expect_bounded(20000);
+    EXPECT_GT(arduino::pulses.size(), 1000u);
+    say("\n");
+    say(text::line_of(1, "watchdog 200") + text::line_of(2, "arm") + text::line_of(3, "set 0=1500"));
+    for (int k = 0; k < 100; ++k) {
+        arduino::clock_ms += 2;
+        tick_board(sketch::board, std::uint32_t(arduino::clock_ms));
+    }
+    EXPECT_EQ(sketch::board.state, sketch::board_armed);
+}
+
+TEST(TextBoard, WhatIsNoSuchBoardIsRefused) {
+    std::array<WireValue, max_channels> positions{};
+    SketchBoard board;
+    auto open = [&](const TextLinkSettings& settings) { return make_text_link(settings)->open(positions); };
+    EXPECT_NE(open({board.port, {0, 6}, 600, true, 30}).find("channels 0 to 5, not 6"), std::string::npos);
+    EXPECT_NE(open({"/dev/no-such-port", {0}, 600, true, 30}).find("cannot be opened"), std::string::npos);
+    EXPECT_NE(open({"/dev/null", {0}, 600, true, 30}).find("not a serial port"), std::string::npos);
+    board.hangs = true;
+    const std::string silent = open({board.port, {0}, 600, true, 0.2});
+    EXPECT_NE(silent.find("no answer"), std::string::npos) << silent;
+}
+
+}  // namespace
+}  // namespace palpate

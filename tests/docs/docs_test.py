@@ -1,0 +1,295 @@
+"""Everything the READMEs say that can be tried is tried.
+
+docs_test.py PROGRAM PART, where PART is
+  links      links, pictures and anchors exist; README.md is short and names every command
+  commands   commands, options and files of all shell lines and of all examples in --help exist
+  snippets   scenes and finger files load; Python runs
+  run        shell lines that are marked neither "not run" nor "slow" end well
+  slow       those that are marked "slow", if PALPATE_DOCS_SLOW is set
+"""
+import json
+import os
+import pathlib
+import re
+import shlex
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+
+import readmes
+from readmes import ROOT
+
+PROGRAM = pathlib.Path(sys.argv[1]).resolve()
+problems = []
+
+
+def check(condition, message):
+    if not condition:
+        problems.append(message)
+
+
+def program(*arguments, **options):
+    return subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, timeout=600, **options)
+
+
+# --- what there is, as the program says it itself -------------------------------------------------------------------
+
+
+def commands_of_program():
+    listed = program("--help").stdout.split("Subcommands:")[1].split("\n\n")[0]
+    return re.findall(r"^  ([a-z][a-z-]*)", listed, flags=re.M)
+
+
+def help_of(command):
+    shown = program(command, "--help")
+    assert shown.returncode == 0, command
+    return shown.stdout
+
+
+def options_of(command):
+    return set(re.findall(r"^  (?:-\w,)?(--[\w-]+)", help_of(command), flags=re.M))
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def links():
+    for file in readmes.readmes():
+        for target in re.findall(r"\]\(([^)\s]+)\)", readmes.prose(file)):
+            if target.startswith(("http://", "https://")):
+                continue
+            path, _, anchor = target.partition("#")
+            other = (file.parent / path).resolve() if path else file
+            check(other.exists(), f"{file.relative_to(ROOT)}: {target}: no such file")
+            if anchor and other.suffix == ".md" and other.exists():
+                check(anchor in readmes.anchors(other), f"{file.relative_to(ROOT)}: {target}: no such heading")
+        for path in re.findall(r"`((?:scenes|engine|devices|meshes|bench|tests|\.ci)/[\w./-]+)`", readmes.prose(file)):
+            check((ROOT / path).exists(), f"{file.relative_to(ROOT)}: {path}: no such file")
+        for suite, name in re.findall(r"`([A-Z]\w+)\.([A-Z]\w+|\*)`", readmes.prose(file)):
+            defined = re.compile(rf"TEST(_F|_P)?\({suite}, {'' if name == '*' else name + chr(92) + ')'}")
+            found = any(defined.search(f.read_text()) for f in ROOT.glob("tests/*/*_test.cpp"))
+            check(found, f"{file.relative_to(ROOT)}: there is no test {suite}.{name}")
+    front = ROOT / "README.md"
+    check(len(front.read_text().splitlines()) <= 180, "README.md: more than 180 lines")
+    table = front.read_text().split("## Commands")[1].split("\n## ")[0]
+    named = set(re.findall(r"^\| `([a-z-]+)", table, flags=re.M))
+    for command in commands_of_program():
+        check(command in named, f"README.md: no row for `palpate {command}` in its table of commands")
+    for command in named - set(commands_of_program()):
+        check(False, f"README.md: there is no `palpate {command}`")
+
+
+def words_of(command):
+    """Its words up to a pipe; placeholders in capitals stay as they are."""
+    words = shlex.split(command, comments=True)
+    return words[: words.index("|")] if "|" in words else words
+
+
+def check_palpate_line(where, words):
+    words = words[words.index("palpate") :]
+    if len(words) == 1:
+        return
+    command, known = words[1], commands_of_program()
+    if command.startswith("-"):
+        return check(command in {"--help", "--version"}, f"{where}: no option {command}")
+    if command in ("COMMAND", "..."):
+        return
+    if command not in known:
+        return check(False, f"{where}: no command '{command}'")
+    options = options_of(command)
+    for word in words[2:]:
+        if word.startswith("--"):
+            check(word.split("=")[0] in options, f"{where}: {command} has no option {word}")
+    for word in words[2:]:
+        if re.fullmatch(r"(scenes|meshes)/[\w./-]+", word):
+            check((ROOT / word).exists(), f"{where}: {word}: no such file")
+
+
+def check_line(where, line):
+    if "palpate" in line.split("|")[0].split("#")[0].replace("$(", " ").split():
+        quoted = re.search(r"\$\((.*?)\)", line)
+        check_palpate_line(where, words_of(quoted[1] if quoted else line))
+    for script in re.findall(r"\bsh ([\w/]+\.sh)", line):
+        check((ROOT / script).is_file(), f"{where}: {script}: no such file")
+    for target in re.findall(r"build/release/(?:tests/)?([\w-]+)", line):
+        defined = any(re.search(rf"\b{target}\b", f.read_text()) for f in ROOT.glob("*/CMakeLists.txt"))
+        check(defined or target == "release", f"{where}: nothing builds {target}")
+
+
+def commands():
+    lines = 0
+    for block in readmes.all_blocks("sh"):
+        for number, line in readmes.shell_commands(block):
+            check_line(f"{block.file.relative_to(ROOT)}:{number}", line)
+            lines += 1
+    assert lines > 30, "hardly any command was found"
+    # Commands within sentences.
+    for file in readmes.readmes():
+        for code in re.findall(r"`(palpate [^`]+)`", readmes.prose(file).replace("\n", " ")):
+            check_line(str(file.relative_to(ROOT)), code.replace("[", "").replace("]", ""))
+    for command in commands_of_program():
+        shown = help_of(command)
+        check("Examples:" in shown, f"palpate {command} --help: no example")
+        for line in shown.split("Examples:")[-1].strip().splitlines():
+            check_line(f"palpate {command} --help", line.strip())
+
+
+def merged(into, other):
+    """Tables joined key by key; what belongs to the last table of an array ([finger.device]) goes there."""
+    for key, value in other.items():
+        if isinstance(value, dict) and isinstance(into.get(key), list):
+            merged(into[key][-1], value)
+        elif isinstance(value, dict) and isinstance(into.get(key), dict):
+            merged(into[key], value)
+        elif key == "finger" and isinstance(value, list) and into.get(key):
+            merged(into[key][-1], value[0])  # the scene's own finger, changed
+        elif isinstance(value, list) and value and isinstance(value[0], dict) and key in ("object", "friction"):
+            into[key] = into.get(key, []) + value
+        else:
+            into[key] = value
+    return into
+
+
+def toml_text(value):
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(k)} = {toml_text(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml_text, value)) + "]"
+    return json.dumps(value)
+
+
+def load_toml_block(folder, block):
+    import tomllib
+
+    name = f"block{block.line}.toml"
+    try:
+        table = tomllib.loads(block.text)
+    except tomllib.TOMLDecodeError as error:
+        return check(False, f"{block}: {error}")
+    if block.mark == "not loaded":
+        return None
+    if block.mark == "file":
+        return (folder / block.mark_value).write_text(block.text)  # read by whoever names it
+    if "duration_s" in table and "finger" in table:
+        (folder / name).write_text(block.text)  # as it stands, so that the lines of messages are right
+    else:
+        base = ROOT / (block.mark_value if block.mark == "with" else "scenes/press.toml")
+        scene = merged(tomllib.loads(base.read_text()), table)
+        for o in scene.get("object", []):
+            if "file" in o:
+                o["file"] = str(base.parent / o["file"])
+        (folder / name).write_text("".join(f"{k} = {toml_text(v)}\n" for k, v in scene.items()))
+    ran = program("explain", name, cwd=folder)
+    check(ran.returncode == 0, f"{block}: {ran.stdout}{ran.stderr}")
+
+
+def laps_of_sender(block, folder):
+    """Runs a sender of hands against a port, without waiting between frames, until it has begun again twice."""
+    frames = len((ROOT / "scenes/pinch.jsonl").read_text().splitlines()) - 1
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.bind(("127.0.0.1", 0))
+    receiver.settimeout(30)
+    text = block.text.replace("5005", str(receiver.getsockname()[1]))
+    assert "time.sleep(" in text
+    text = re.sub(r"time\.sleep\([^)]*\)", "time.sleep(0.001)", text)
+    sender = subprocess.Popen([sys.executable, "-c", text], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    received = 0
+    try:
+        while received < 2 * frames + 5 and sender.poll() is None:
+            joints = json.loads(receiver.recv(65536))["joints"]
+            received += len(joints) == 26
+    except socket.timeout:
+        pass
+    finally:
+        if sender.poll() is None:
+            sender.kill()
+            sender.wait()
+        else:
+            check(False, f"{block}: {sender.stderr.read()}")
+    # Datagrams may be lost, but not half of two laps.
+    check(received > frames, f"{block}: {received} frames of {2 * frames} arrived")
+
+
+def snippets():
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = pathlib.Path(scratch)
+        tomls = readmes.all_blocks("toml")
+        assert len(tomls) > 5, "hardly any scene was found"
+        for block in sorted(tomls, key=lambda b: b.mark != "file"):
+            load_toml_block(folder, block)
+        for block in tomls:
+            if block.mark == "file" and "servo" not in block.text:
+                ran = program("indent", block.mark_value, "--depth-mm", "0.2", "--steps", "2", "--out", "", cwd=folder)
+                check(ran.returncode == 0, f"{block}: {ran.stdout}{ran.stderr}")
+    pythons = readmes.all_blocks("python")
+    assert pythons
+    for block in pythons:
+        compile(block.text, str(block), "exec")
+        if "while True" in block.text:
+            laps_of_sender(block, ROOT)
+
+
+def same_words(printed, said):
+    """Lines as words; numbers may be a tenth off, as compilers and processors may have it."""
+    printed, said = printed.split(), said.split()
+    if len(printed) != len(said):
+        return False
+    for p, s in zip(printed, said):
+        try:
+            if abs(float(p) - float(s)) > 0.1 * abs(float(s)) + 1e-3:
+                return False
+        except ValueError:
+            if p != s:
+                return False
+    return True
+
+
+def check_output(block, printed):
+    for line in block.text.splitlines():
+        found = any(same_words(p, line) for p in printed.splitlines())
+        check(found, f"{block}: this is not printed: {line}")
+
+
+def run(slow=False):
+    """Shell lines, one after the other, in a folder that looks like the checkout; those of a page share it."""
+    ran_any = False
+    for file in readmes.readmes():
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = pathlib.Path(scratch)
+            for name in os.listdir(ROOT):
+                if name not in ("build", "results", ".git"):
+                    (folder / name).symlink_to(ROOT / name)
+            (folder / "build").mkdir()
+            (folder / "build/release").symlink_to(PROGRAM.parent)
+            printed = ""  # by the shell block before; empty: it was not run
+            for block in readmes.blocks(file):
+                if block.mark == "file":
+                    (folder / block.mark_value).write_text(block.text)
+                if block.mark == "output" and printed:
+                    check_output(block, printed)
+                if block.language == "sh":
+                    printed = ""
+                if block.language != "sh" or block.mark == "not run" or (block.mark == "slow") != slow:
+                    continue
+                for number, line in readmes.shell_commands(block):
+                    if "mpirun" in line and not shutil.which("mpirun"):
+                        continue
+                    environment = dict(os.environ, PATH=f"{PROGRAM.parent}:{os.environ['PATH']}",
+                                       XDG_CACHE_HOME=str(folder / "cache"))  # fmt: skip
+                    ran = subprocess.run(["bash", "-c", line], cwd=folder, env=environment, capture_output=True,
+                                         text=True, stdin=subprocess.DEVNULL)  # fmt: skip
+                    printed += ran.stdout
+                    ran_any = True
+                    check(ran.returncode == 0, f"{file.relative_to(ROOT)}:{number}: {line}\n{ran.stdout}{ran.stderr}")
+    assert ran_any
+
+
+if sys.argv[2] == "slow" and not os.environ.get("PALPATE_DOCS_SLOW"):
+    print("skipped: PALPATE_DOCS_SLOW=1 runs them (minutes to an hour)")
+    sys.exit(77)
+parts = {"links": links, "commands": commands, "snippets": snippets, "run": run, "slow": lambda: run(slow=True)}
+parts[sys.argv[2]]()
+print("\n".join(problems))
+sys.exit(1 if problems else 0)

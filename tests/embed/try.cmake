@@ -1,0 +1,10 @@
+# try(WHAT COMMAND...): fails with the command's output if it fails; leaves it in `output`.
+cmake_policy(VERSION 3.25)
+function(try what)
+    execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE said ERROR_VARIABLE complained)
+    if(failed)
+        list(JOIN ARGN " " command)
+        message(FATAL_ERROR "${what} failed: ${failed}\n${command}\n${said}${complained}")
+    endif()
+    set(output "${said}" PARENT_SCOPE)
+endfunction()

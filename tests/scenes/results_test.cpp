@@ -1,0 +1,126 @@
+// Results folders: those of one run, complete or as they were.
+
+#include "scenes/recording/results_folder.h"
+
+#include <algorithm>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+const std::string scenes = testing::source_dir() + "/scenes/";
+
+std::vector<std::string> names_in(const fs::path& folder) {
+    std::vector<std::string> out;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+        if (entry.is_regular_file()) out.push_back(entry.path().lexically_relative(folder).string());
+    std::sort(out.begin(), out.end());
+    return out;
+}
+
+std::string all(const std::vector<std::string>& sentences) {
+    std::string out;
+    for (const auto& s : sentences) out += s + "\n";
+    return out;
+}
+
+std::vector<std::string> fill(const fs::path& folder, const std::vector<std::string>& names) {
+    ResultsFolder results(folder);
+    for (const auto& name : names) {
+        fs::create_directories((results.part() / name).parent_path());
+        write_file(results.part() / name, "text of " + name);
+    }
+    return results.finish();
+}
+
+TEST(Results, OfAnotherSceneGoAndWhatPalpateDidNotWriteStays) {
+    testing::ScratchFolder scratch;
+    const fs::path out = scratch.path / "out";
+    EXPECT_TRUE(fill(out, {"index.csv", "thumb.csv", "summary.json", "sub/a.csv"}).empty());
+    write_file(out / "mine.txt", "my notes");
+    write_file(out / "thumb.csv", "edited by hand");
+    write_file(out / "ring.csv", "of unknown origin");
+    const std::string said = all(fill(out, {"index.csv", "ring.csv", "summary.json"}));
+    EXPECT_EQ(names_in(out), (std::vector<std::string>{"files.json", "index.csv", "mine.txt", "ring.csv",
+                                                       "summary.json", "thumb.csv"}));
+    EXPECT_EQ(read_file(out / "ring.csv"), "text of ring.csv");
+    EXPECT_EQ(read_file(out / "thumb.csv"), "edited by hand");
+    for (const char* part : {"removed 1 file", "sub/a.csv", "overwrites 1 file of unknown origin (ring.csv)",
+                             "changed since: thumb.csv", "1 file beside them was left alone (mine.txt)"})
+        EXPECT_NE(said.find(part), std::string::npos) << part << " in\n" << said;
+}
+
+TEST(Results, AManifestFromElsewhereRemovesNothingOutside) {
+    testing::ScratchFolder scratch;
+    const fs::path out = scratch.path / "out", victim = scratch.path / "victim.txt";
+    fill(out, {"a.csv"});
+    write_file(victim, "keep");
+    for (const std::string text : {"{", "[]", R"({"files": 3})", R"({"files": [3, {"name": 4}, {"name": ""}]})",
+                                   R"({"files": [{"name": "../victim.txt", "bytes": 4, "modified": 0}]})",
+                                   R"({"files": [{"name": "a.csv", "bytes": "x"}]})"}) {
+        write_file(out / "files.json", text);
+        EXPECT_NO_THROW(fill(out, {"b.csv"})) << text;
+    }
+    EXPECT_EQ(read_file(victim), "keep");
+}
+
+TEST(Results, WhatIsNotFinishedLeavesTheFolderAsItWas) {
+    testing::ScratchFolder scratch;
+    const fs::path out = scratch.path / "out";
+    fill(out, {"index.csv"});
+    const auto before = names_in(out);
+    {
+        ResultsFolder results(out);
+        write_file(results.part() / "half.csv", "half");
+    }
+    EXPECT_EQ(names_in(out), before);
+    // What a process that was killed has left goes with the next run.
+    fs::create_directory(out / ".palpate-part-99999998");
+    write_file(out / ".palpate-part-99999998" / "half.csv", "half");
+    fill(out, {"index.csv"});
+    EXPECT_FALSE(fs::exists(out / ".palpate-part-99999998"));
+    { ResultsFolder fresh(scratch.path / "fresh"); }
+    EXPECT_FALSE(fs::exists(scratch.path / "fresh"));
+}
+
+TEST(Results, OfARunReplaceThoseOfAnotherScene) {
+    testing::ScratchFolder scratch;
+    const std::string out = (scratch.path / "out").string();
+    const std::string thimble = scenes + "pinch.toml", press = scenes + "press.toml";
+    ASSERT_EQ(testing::palpate_program("run " + thimble + " --duration 0.02 --out " + out).code, 0);
+    EXPECT_TRUE(fs::exists(out + "/thumb.csv"));
+    const auto second = testing::palpate_program("run " + press + " --duration 0.02 --out " + out);
+    EXPECT_EQ(second.code, 0);
+    EXPECT_NE(second.out.find("replaces the results that were there: removed"), std::string::npos) << second.out;
+    EXPECT_FALSE(fs::exists(out + "/thumb.csv"));
+    EXPECT_FALSE(fs::exists(out + "/object_cube.csv"));
+    EXPECT_TRUE(fs::exists(out + "/index.csv"));
+}
+
+TEST(Results, AFullDiskLeavesNoPartialFileAndIsSaid) {
+    testing::ScratchFolder scratch;
+    const std::string out = (scratch.path / "out").string(),
+                      run = testing::program_path() + " run " + scenes + "press.toml ";
+    ASSERT_EQ(testing::shell(run + "--quiet --duration 0.02 --out " + out).code, 0);
+    const auto before = names_in(out);
+    const std::string summary = read_file(out + "/summary.json");
+    // A limit on the size of files stands for the disk: the first large one cannot be written.
+    for (const std::string& more : {std::string("--duration 1"), std::string("--duration 0.02 --pads-per-second 100"),
+                                    "--duration 0.02 --report " + out + ".html"}) {
+        const auto full = testing::shell("ulimit -f 8; " + run + more + " --out " + out);
+        EXPECT_EQ(full.code, 1) << more << "\n" << full.out;
+        EXPECT_NE(full.out.find("cannot be written: File too large"), std::string::npos) << full.out;
+    }
+    EXPECT_FALSE(fs::exists(out + ".html"));
+    EXPECT_FALSE(fs::exists(out + ".html.part"));
+    EXPECT_EQ(names_in(out), before);
+    EXPECT_EQ(read_file(out + "/summary.json"), summary);
+    EXPECT_EQ(testing::shell(run + "--duration 0.02 --out /dev/null/x").code, 2);
+}
+
+}  // namespace
+}  // namespace palpate
