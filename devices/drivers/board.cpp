@@ -15,9 +15,6 @@ namespace {
 
 constexpr double feed_period = 0.05, retry_period = 0.5;
 constexpr double catch_up_period = 0.005;
-/// After so long without a word to the controller it is asked how it is before it is told anything: no watchdog that is
-/// accepted bites earlier [s].
-constexpr double ask_first_after = 0.09;
 /// How long servos have caught up before the first move counts as over; longer where nobody knew where they were [s].
 constexpr double settled = 0.2, settled_from_unknown = 1.5, first_move_at_most = 3;
 constexpr std::size_t remembered_transitions = 200;
@@ -244,6 +241,10 @@ void Board::write_changed() {
     const double began = device_clock();
     const std::size_t count = due_targets(due, began);
     if (count == 0) return;
+    if (device_clock() - last_word_ > ask_first_after) {  // the process was stopped since it last asked
+        held_back_ = true;
+        return;
+    }
     const std::span<const ChannelTarget> targets(due.data(), count);
     const LinkProblem problem = link_->write(targets, std::span(arrived).first(count));
     const double end = device_clock();  // they arrived by now, if at all: the next step's time runs from here

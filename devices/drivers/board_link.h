@@ -15,6 +15,10 @@ inline constexpr int max_channels = 32;
 /// While servos make their first move after open(), their controller's own speed limit is this share of the usual one.
 inline constexpr double first_move_share = 1.0 / 6;
 
+/// After so long without a word to the controller it is asked how it is before it is told anything: no watchdog that is
+/// accepted bites earlier [s].
+inline constexpr double ask_first_after = 0.09;
+
 struct ChannelTarget {
     int channel;
     WireValue value;
@@ -34,7 +38,8 @@ class BoardLink {
     virtual LinkProblem activate() { return {}; }
     /// Lets go of the servos, where they can let go: the last word as a fault latches. Problems change nothing.
     virtual void deactivate() {}
-    /// Sends targets. `arrived` [as targets] becomes 1 for those that did.
+    /// Sends targets. `arrived` [as targets] becomes 1 for those that did. Where it is held up for longer than
+    /// ask_first_after between two of them, as in a stopped process, the rest stays unsent, which is a problem.
     virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) = 0;
     /// Sends torque limits, where the servos have them.
     virtual LinkProblem write_torques(std::span<const ChannelTarget> /*limits*/) { return {}; }

@@ -16,6 +16,7 @@
 
 #include "devices/drivers/device_lock.h"
 #include "devices/drivers/maestro_protocol.h"
+#include "devices/loop/clock.h"
 
 namespace palpate::maestro {
 
@@ -356,7 +357,12 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
     if (!handle_ || abandoned_) return {"the Maestro is not open", true, FaultKind::unplugged};
     LinkProblem problem;
     std::size_t submitted = 0;
+    const double began = device_clock();
     for (std::size_t i = 0; i < count; ++i) {
+        if (device_clock() - began > ask_first_after) {
+            problem = {"transfers to the Maestro were held up", false, FaultKind::silent};
+            break;
+        }
         Pending& p = (*pending_)[i];
         if (!p.transfer) p.transfer = libusb_alloc_transfer(0);
         const Request r = request_of(i);

