@@ -33,7 +33,7 @@ SceneSpec pressed(int fingers) {
 
 struct Lane {
     World world;
-    oneapi::tbb::task_arena arena{1};
+    Threads threads{1};
     std::vector<double> seconds;
     explicit Lane(const SceneSpec& spec) : world(build_world(spec)) {}
     void advance(int k) {
@@ -43,7 +43,7 @@ struct Lane {
             world.tracker_poses.find(world.couplings[i].tracker)->incoming = {pose, world.time, true};
         }
         const auto start = std::chrono::steady_clock::now();
-        step(world, arena);
+        step(world, threads);
         seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
     }
 };

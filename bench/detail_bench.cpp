@@ -169,7 +169,7 @@ BENCHMARK(detail_generated)
 /// Twenty fingers that press on a table, scattered over `fingers`; the others hang still in the air, or wave.
 struct Crowd {
     World world;
-    oneapi::tbb::task_arena arena{1};
+    Threads threads{1};
     int every = 1;
     bool waves = false;
     std::vector<double> seconds;
@@ -182,7 +182,7 @@ struct Crowd {
                 pose.position.x += 0.01 * std::sin(0.01 * k + double(i));
             world.tracker_poses.find(world.couplings[i].tracker)->incoming = {pose, world.time, true};
         }
-        step(world, arena);
+        step(world, threads);
         seconds.push_back(world.profile.total());
     }
 };

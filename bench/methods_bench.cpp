@@ -2,7 +2,6 @@
 // tetrahedra in double, five tasks, three time steps; errors against a converged solve with the same time step.
 
 #include <benchmark/benchmark.h>
-#include <oneapi/tbb/task_arena.h>
 
 #include <chrono>
 #include <cmath>
@@ -118,7 +117,7 @@ Outcome run(const Task& task, double dt, int substeps, const std::function<void(
     for (const Point& p : finger().nodes) lowest = std::min(lowest, p[2]);
     spec.fingers[0].start.position.z = 2e-5 - lowest;
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     Outcome out;
     const int steps = int(std::lround(task.duration / dt));
     double seconds = 0;
@@ -135,7 +134,7 @@ Outcome run(const Task& task, double dt, int substeps, const std::function<void(
                 method->step(world.chunks.doubles[0], world.solver);
                 seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
             } else {
-                step(world, arena);
+                step(world, threads);
                 seconds += world.profile.solve_skin;
             }
         }

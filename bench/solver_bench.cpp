@@ -3,7 +3,6 @@
 // units of T0, the time of one elastic step of one finger written plainly with Eigen, measured in the same run.
 
 #include <benchmark/benchmark.h>
-#include <oneapi/tbb/task_arena.h>
 
 #include <cmath>
 #include <map>
@@ -71,7 +70,7 @@ struct Outcome {
 template <class T>
 Outcome run_press(const Press& press) {
     World world = build_world(scene_of(press, sizeof(T) == 4));
-    oneapi::tbb::task_arena arena(press.threads);
+    Threads threads(press.threads);
     Outcome out;
     const int steps = press.elements[0] > case_b ? 60 : int(std::lround(0.25 / press.dt));
     for (int step = 1; step <= steps; ++step) {
@@ -79,7 +78,7 @@ Outcome run_press(const Press& press) {
             const double z = start_height(press, i, double(step) / steps);
             world.tracker_poses[i].incoming = {{{0, 0, z}, Quaternion<double>::identity()}, step * press.dt, true};
         }
-        palpate::step(world, arena);
+        palpate::step(world, threads);
         out.step_us.push_back(1e6 * world.profile.solve_skin);
         auto& row = out.forces.emplace_back();
         for (const ContactSurface& c : world.contact_surfaces) row.insert(row.end(), c.force.begin(), c.force.end());

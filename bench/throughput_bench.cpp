@@ -61,10 +61,10 @@ World pressed_world(int fingers) {
 }
 
 void throughput(benchmark::State& state) {
-    const int fingers = int(state.range(0)), threads = int(state.range(1));
+    const int fingers = int(state.range(0)), count = int(state.range(1));
     World world = pressed_world(fingers);
     const double rest = world.skins[0].start.position.z;
-    oneapi::tbb::task_arena arena(threads);
+    Threads threads(count);
     // Warm up while the fingers come down by 1.5 mm, then measure while they go 0.5 mm further, each at its own pace.
     const int warm = 30, counted = std::clamp(20000 / fingers, 20, 400);
     double total = 0;
@@ -74,7 +74,7 @@ void throughput(benchmark::State& state) {
             for (int i = 0; i < fingers; ++i)
                 world.tracker_poses[std::size_t(i)].incoming = {
                     {{0, 0, rest - depth * (1 - 0.02 * (i % 8))}, Quaternion<double>::identity()}, k * 1e-3, true};
-            step(world, arena);
+            step(world, threads);
             if (k > warm) total += world.profile.total();
         }
         state.SetIterationTime(total / counted);

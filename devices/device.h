@@ -2,7 +2,7 @@
 // The contract of a device kind. A kind is one file in kinds/ with a plain descriptor, and one line in
 // kinds.cpp. SI units and radians; device frame: z from the fixed to the mobile platform.
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <array>
 #include <memory>
 #include <string>

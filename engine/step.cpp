@@ -17,7 +17,7 @@ void timed(double& seconds, System system) {
 
 }  // namespace
 
-void step(World& w, oneapi::tbb::task_arena& arena) {
+void step(World& w, Threads& threads) {
     w.time += w.solver.dt;
     ++w.step;
     StepProfile& p = w.profile;
@@ -27,12 +27,12 @@ void step(World& w, oneapi::tbb::task_arena& arena) {
     timed(p.detect_contacts, [&] { w.contact_growths += detect_contacts(w.shapes, w.bodies, w.solver, w.chunks); });
     timed(p.choose_detail, [&] { choose_detail(w.solver, w.step, w.chunks); });
     timed(p.gather_lanes, [&] { gather_lanes(w.skins, w.chunks); });
-    timed(p.solve_skin, [&] { solve_skins(w.solver, arena, w.chunks); });
+    timed(p.solve_skin, [&] { solve_skins(w.solver, threads, w.chunks); });
     timed(p.solve_bodies, [&] {
-        solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, arena, w.shapes, w.bodies, w.body_solve, w.chunks);
+        solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, threads, w.shapes, w.bodies, w.body_solve, w.chunks);
     });
     timed(p.extract_contact, [&] { extract_contact(w.skins, w.chunks, w.couplings, w.contact_surfaces); });
-    timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, arena, w.matchings, w.force_matchers); });
+    timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });
     timed(p.publish, [&] {
         publish(w.tracker_poses, w.couplings, w.matchings, w.time, w.solver.dt, w.sampled_at, w.device_links);
     });

@@ -1,8 +1,7 @@
 #pragma once
 // The systems of the step, in its order. Each names what it reads (const) and writes.
 
-#include <oneapi/tbb/task_arena.h>
-
+#include "engine/threads.h"
 #include "engine/world.h"
 
 namespace palpate {
@@ -33,12 +32,12 @@ void choose_detail(const SolverSettings& solver, std::int64_t step, SkinChunks& 
 void gather_lanes(Table<Skin>& skins, SkinChunks& chunks);
 
 /// One implicit step of every chunk (solve/newton.h) that is near no body, chunks in parallel.
-void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena, SkinChunks& chunks);
+void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks);
 
 /// One implicit step of every body, to the simulated `time` [s], and of every chunk near one: bones, skin and bodies in
 /// one solve.
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
-                  const std::vector<PairFriction>& pair_frictions, double time, oneapi::tbb::task_arena& arena,
+                  const std::vector<PairFriction>& pair_frictions, double time, Threads& threads,
                   Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve, SkinChunks& chunks);
 
 /// Reads touching samples, forces and area of each finger from its lane.
@@ -46,7 +45,7 @@ void extract_contact(const Table<Skin>& skins, const SkinChunks& chunks, Table<C
                      Table<ContactSurface>& surfaces);
 
 /// Solves the thimbles that are due, in parallel.
-void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::tbb::task_arena& arena,
+void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads,
                    Table<Matching>& matchings, Table<ForceMatcher>& force_matchers);
 
 /// Puts each fresh result into its thimble's mailbox; of a thimble whose finger's tracker is silent, one nearer to

@@ -1,5 +1,6 @@
 #include "devices/matching/matching.h"
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "devices/matching/descent.h"

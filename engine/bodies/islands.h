@@ -1,10 +1,8 @@
 #pragma once
 // What the bodies' solve works on, and how it groups lanes and bodies into islands.
 
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/task_arena.h>
-
 #include "engine/skin/solve/kernels.h"
+#include "engine/threads.h"
 #include "engine/world.h"
 
 namespace palpate {
@@ -12,7 +10,7 @@ namespace palpate {
 /// What the solve works on.
 struct BodyWork {
     const SolverSettings& solver;
-    oneapi::tbb::task_arena& arena;
+    Threads& threads;
     Table<RigidShape>& shapes;
     Table<RigidBody>& bodies;
     BodySolve& s;
@@ -48,7 +46,7 @@ void for_each_chunk(const BodyWork& w, Condition condition, Visit visit) {
     };
     const int count = int(w.s.coupled.size());
     if (count == 1) return one(0);
-    w.arena.execute([&] { oneapi::tbb::parallel_for(0, count, one, oneapi::tbb::simple_partitioner()); });
+    w.threads.for_each(count, one);
 }
 
 /// Calls visit(chunk, lane, island) for every lane, one after the other.

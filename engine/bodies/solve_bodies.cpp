@@ -355,10 +355,10 @@ void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& 
 }
 
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
-                  const std::vector<PairFriction>& pair_frictions, double time, oneapi::tbb::task_arena& arena,
+                  const std::vector<PairFriction>& pair_frictions, double time, Threads& threads,
                   Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve, SkinChunks& chunks) {
     if (bodies.empty()) return;
-    Work w{solver, arena, shapes, bodies, solve, chunks, time};
+    Work w{solver, threads, shapes, bodies, solve, chunks, time};
     find_islands(w, gravity, pair_frictions);
     auto active = [](const Island& i) { return bool(i.progress.active); };
     for (int i = 0; i < solve.island_count; ++i) solve.islands[i].stiffness = 0;

@@ -1,4 +1,3 @@
-#include <oneapi/tbb/parallel_for.h>
 
 #include "devices/matching/least_squares.h"
 #include "devices/matching/platform_force.h"
@@ -61,7 +60,7 @@ void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces)
 
 }  // namespace
 
-void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::tbb::task_arena& arena,
+void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads,
                    Table<Matching>& matchings, Table<ForceMatcher>& force_matchers) {
     int due = 0;
     for (Matching& m : matchings) {
@@ -71,12 +70,12 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, oneapi::t
         due += m.fresh;
     }
     if (due == 0) return;
-    auto solve = [&](std::size_t row) {
+    auto solve = [&](int i) {
+        const auto row = std::size_t(i);
         Matching& m = matchings[row];
         if (m.fresh) match_one(*surfaces.find(m.finger), m, force_matchers.find(matchings.owner(row)));
     };
-    arena.execute(
-        [&] { oneapi::tbb::parallel_for(std::size_t(0), matchings.size(), solve, oneapi::tbb::simple_partitioner()); });
+    threads.for_each(int(matchings.size()), solve);
 }
 
 namespace {

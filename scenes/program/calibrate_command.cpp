@@ -98,10 +98,10 @@ std::vector<std::string> report(const Calibration& c) {
 int run_calibrate(const CalibrateArguments& a, const std::atomic<bool>& stop) {
     const auto data = read_measured_curves(a.data);
     const FingerModel start = load_finger(a.source);
-    oneapi::tbb::task_arena arena(a.threads > 0 ? a.threads : oneapi::tbb::task_arena::automatic);
+    Threads threads(a.threads);
     std::function<void(const std::string&)> progress;
     if (!a.quiet) progress = [](const std::string& line) { std::fprintf(stderr, "\r%-78s", line.c_str()); };
-    const Calibration c = calibrate(start, data, a.settings, arena, stop, progress);
+    const Calibration c = calibrate(start, data, a.settings, threads, stop, progress);
     if (!a.quiet) std::fprintf(stderr, "\r%-78s\r", "");
     const auto lines = report(c);
     FingerModel model = c.model;

@@ -137,7 +137,7 @@ int run_indent(const IndentArguments& a) {
     const std::string title = model.title.empty() ? a.source.name : model.title;
     FingerTemplates templates;
     std::string note;
-    oneapi::tbb::task_arena arena;
+    Threads threads;
     std::vector<Press> presses;
     std::vector<Indentation> all;
     for (const int elements : a.elements) {
@@ -151,10 +151,10 @@ int run_indent(const IndentArguments& a) {
     }
     const IndentationSettings settings{
         .steps = a.steps, .force_limit = a.force_N, .speed = 1e-3 * a.speed_mm_per_s, .friction = a.friction};
-    const auto curves = indent(all, settings, arena);
+    const auto curves = indent(all, settings, threads);
     for (std::size_t i = 0; i < presses.size(); ++i) {
         presses[i].curve = curves[i];
-        presses[i].figures = fingertip_figures(presses[i].how, curves[i], a.shear_friction, arena);
+        presses[i].figures = fingertip_figures(presses[i].how, curves[i], a.shear_friction, threads);
     }
     if (!a.out.empty()) {
         std::filesystem::create_directories(a.out);

@@ -1,7 +1,5 @@
 #include "scenes/run/simulation.h"
 
-#include <oneapi/tbb/info.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -94,8 +92,7 @@ Simulation make_simulation(Scene scene, int threads) {
     Simulation s;
     s.scene = std::move(scene);
     s.world = build_world(s.scene.spec);
-    s.arena =
-        std::make_unique<oneapi::tbb::task_arena>(threads > 0 ? threads : oneapi::tbb::info::default_concurrency());
+    s.threads = std::make_unique<Threads>(threads);
     for (std::size_t row = 0; row < s.world.skins.size(); ++row) s.fingers.push_back(s.world.skins.owner(row));
     for (std::size_t row = 0; row < s.world.matchings.size(); ++row) {
         auto loop = std::make_unique<ThimbleLoop>();
@@ -175,7 +172,7 @@ void advance(Simulation& s, const StepInputs& inputs) {
         const double arrived_at = s.live ? oldest_arrival(s) : w.sampled_at;
         for (auto& loop : s.loops) loop->pose_stamps.add(w.sampled_at, arrived_at);
     }
-    step(w, *s.arena);
+    step(w, *s.threads);
     count_detail(w, s.detail);
     if (s.governor) govern(*s.governor, w.profile.total());
     if (!s.hardware)

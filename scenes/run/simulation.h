@@ -42,7 +42,7 @@ struct Simulation {
     Simulation& operator=(Simulation&&) noexcept;
     Scene scene;
     World world;
-    std::unique_ptr<oneapi::tbb::task_arena> arena;
+    std::unique_ptr<Threads> threads;
     std::vector<EntityId> fingers;                    ///< in the scene's order
     std::vector<std::unique_ptr<ThimbleLoop>> loops;  ///< per thimble
     std::vector<Series> finger_series;                ///< one row per step

@@ -55,7 +55,7 @@ struct Fit {
     std::vector<FitParameter> parameters;
     const std::vector<MeasuredCurve>& data;
     const CalibrationSettings& settings;
-    oneapi::tbb::task_arena& arena;
+    Threads& threads;
     FingerTemplates templates;
     int simulations = 0;
 
@@ -98,7 +98,7 @@ struct Fit {
         }
         simulations += int(all.size());
         const auto curves =
-            indent(all, {.steps = settings.steps, .force_limit = 1.5 * most, .friction = settings.friction}, arena);
+            indent(all, {.steps = settings.steps, .force_limit = 1.5 * most, .friction = settings.friction}, threads);
         std::vector<std::vector<IndentationCurve>> sorted(models.size());
         for (std::size_t i = 0; i < curves.size(); ++i) sorted[i / data.size()].push_back(curves[i]);
         return sorted;
@@ -355,9 +355,9 @@ std::vector<FitParameter> chosen_parameters(const FingerModel& model, const std:
 }  // namespace
 
 Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>& data,
-                      const CalibrationSettings& settings, oneapi::tbb::task_arena& arena,
+                      const CalibrationSettings& settings, Threads& threads,
                       const std::atomic<bool>& stop, const std::function<void(const std::string&)>& progress) {
-    Fit fit{start, chosen_parameters(start, settings.parameters), data, settings, arena, {}};
+    Fit fit{start, chosen_parameters(start, settings.parameters), data, settings, threads, {}};
     fit.model.spec.has_limits = true;
     auto points = spread(fit, std::max(1, 5 * settings.starts));
     const auto r = fit.residuals_at(points);
@@ -391,8 +391,8 @@ Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>
 }
 
 std::vector<CurveFit> compare_with_curves(const FingerModel& model, const std::vector<MeasuredCurve>& data,
-                                          const CalibrationSettings& settings, oneapi::tbb::task_arena& arena) {
-    Fit fit{model, {}, data, settings, arena, {}};
+                                          const CalibrationSettings& settings, Threads& threads) {
+    Fit fit{model, {}, data, settings, threads, {}};
     return errors_of(fit.press({model})[0], data);
 }
 

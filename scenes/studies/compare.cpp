@@ -157,11 +157,11 @@ PadOnPlatform make_pad_on_platform(const FingerSpec& finger, const DeviceModel& 
     return pad;
 }
 
-bool resimulate(PadOnPlatform& pad, const DeviceModel& model, const Coordinates& w, oneapi::tbb::task_arena& arena) {
+bool resimulate(PadOnPlatform& pad, const DeviceModel& model, const Coordinates& w, Threads& threads) {
     pad.world.shapes[0].pose = platform_pose(model, w);
     bool converged = false;
     for (int i = 0; i < 3; ++i) {
-        step(pad.world, arena);
+        step(pad.world, threads);
         const SkinStatus& status = skin_status(pad.world, pad.finger);
         converged = status.converged;
         if (status.converged && status.newton_iterations <= 1) break;
@@ -203,7 +203,7 @@ std::vector<std::vector<ComparedStep>> compare(Simulation& s, const CompareOptio
             for (Contestant& c : contestants[t]) {
                 Coordinates w = c.row.result.w;
                 if (c.servo) configuration_of(matching.model, c.servo->driver->actual(s.world.time), w);
-                c.row.converged = resimulate(c.pad, matching.model, w, *s.arena);
+                c.row.converged = resimulate(c.pad, matching.model, w, *s.threads);
                 c.row.error = difference(wanted, felt(c.pad.world.contact_surfaces[0], c.pad.world.shapes), contact);
                 row.methods.push_back(c.row);
             }

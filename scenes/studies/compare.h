@@ -14,7 +14,7 @@ PadOnPlatform make_pad_on_platform(const FingerSpec& finger, const DeviceModel& 
 
 /// Puts the platform to configuration w and solves for static equilibrium; the pad's contact is then in
 /// pad.world.contact_surfaces[0]. Returns whether the solve met its tolerances.
-bool resimulate(PadOnPlatform& pad, const DeviceModel& model, const Coordinates& w, oneapi::tbb::task_arena& arena);
+bool resimulate(PadOnPlatform& pad, const DeviceModel& model, const Coordinates& w, Threads& threads);
 
 /// How the rendered contact differs from the wanted one. Finger frame.
 struct RenderingError {

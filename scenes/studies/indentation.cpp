@@ -117,7 +117,7 @@ void place(World& world, std::size_t finger, const FingerSpec& f, double lowered
 }  // namespace
 
 std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, const IndentationSettings& s,
-                                     oneapi::tbb::task_arena& arena) {
+                                     Threads& threads) {
     const SceneSpec spec = plate_and_fingers(fingers, s);
     World world = build_world(spec);
     const std::size_t count = fingers.size();
@@ -139,7 +139,7 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
             place(world, i, spec.fingers[i], lowered[i], 0);
         }
         if (std::find(goes_on.begin(), goes_on.end(), 1) == goes_on.end()) break;
-        step(world, arena);
+        step(world, threads);
         for (std::size_t i = 0; i < count; ++i)
             if (goes_on[i]) curves[i].points.push_back(read_point(world, i, spec.fingers[i], is_pad[i]));
     }
@@ -147,7 +147,7 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
         if (k > 0) {
             for (std::size_t i = 0; i < count; ++i)
                 place(world, i, spec.fingers[i], lowered[i], s.shear * k / s.shear_steps);
-            step(world, arena);
+            step(world, threads);
         }
         for (std::size_t i = 0; i < count; ++i) {
             const ContactSurface& contact = world.contact_surfaces[i];
@@ -242,7 +242,7 @@ double field_at_force(const IndentationCurve& c, double force, double Indentatio
 }
 
 FingertipFigures fingertip_figures(const Indentation& finger, const IndentationCurve& c, double friction,
-                                   oneapi::tbb::task_arena& arena) {
+                                   Threads& threads) {
     FingertipFigures f;
     const double nothing = std::nan(""), reached = c.points.back().force;
     auto at = [&](double force, double IndentationPoint::*field) {
@@ -258,13 +258,13 @@ FingertipFigures fingertip_figures(const Indentation& finger, const IndentationC
     f.sheared_strain_5N = f.tangential_stiffness_1N = nothing;
     IndentationSettings with_friction{.friction = friction};
     Indentation press = finger;
-    const IndentationCurve sticky = indent({press}, {.force_limit = 5.5, .friction = friction}, arena)[0];
+    const IndentationCurve sticky = indent({press}, {.force_limit = 5.5, .friction = friction}, threads)[0];
     for (const double force : {1.0, 5.0}) {
         if (sticky.points.back().force < force) continue;
         press.depth = displacement_at_force(sticky, force);
         with_friction.shear = force < 2 ? 2e-4 : 4e-3;
         with_friction.shear_steps = force < 2 ? 2 : 40;
-        const auto shear = indent({press}, with_friction, arena)[0].shear;
+        const auto shear = indent({press}, with_friction, threads)[0].shear;
         if (force < 2) {
             f.tangential_stiffness_1N =
                 (shear.back().force - shear.front().force) / (shear.back().shift - shear.front().shift);

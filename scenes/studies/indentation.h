@@ -2,11 +2,10 @@
 // The standard experiment on a finger: a flat plate is pressed on it, and force, displacement and contact area are
 // read.
 
-#include <oneapi/tbb/task_arena.h>
-
 #include <vector>
 
 #include "engine/build.h"
+#include "engine/threads.h"
 
 namespace palpate {
 
@@ -56,7 +55,7 @@ struct IndentationCurve {
 
 /// Presses all fingers at once; fingers of one connectivity share SIMD lanes. A step that does not converge is marked.
 std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, const IndentationSettings& settings,
-                                     oneapi::tbb::task_arena& arena);
+                                     Threads& threads);
 
 /// What is mostly told of a fingertip, at one angle. NaN where the press did not get that far.
 struct FingertipFigures {
@@ -70,7 +69,7 @@ struct FingertipFigures {
 };
 /// The figures of a curve without friction; those of shear come from presses with friction, to 1 N and to 5 N.
 FingertipFigures fingertip_figures(const Indentation& finger, const IndentationCurve& curve, double friction,
-                                   oneapi::tbb::task_arena& arena);
+                                   Threads& threads);
 
 /// Area of the patch where `level` is negative, and of its convex hull, projected along z [m^2]. level: [node], linear
 /// on triangles.

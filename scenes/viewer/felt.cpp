@@ -44,7 +44,7 @@ const std::vector<FeltPad>& FeltPads::solve(const std::vector<Coordinates>& w, c
         FeltPad& felt = felt_[t];
         PadOnPlatform& pad = pads_[t];
         felt.rendered = rendered[t];
-        resimulate(pad, models_[t], w[t], arena_);
+        resimulate(pad, models_[t], w[t], threads_);
         const ContactSurface& contact = pad.world.contact_surfaces[0];
         const Mat3<double> R = rotation_matrix(contact.bone.rotation);
         for (std::size_t s = 0; s < felt.force.size(); ++s)

@@ -31,7 +31,7 @@ class FeltPads {
     std::vector<DeviceModel> models_;
     std::vector<PadOnPlatform> pads_;
     std::vector<FeltPad> felt_;
-    oneapi::tbb::task_arena arena_{1};
+    Threads threads_{1};
 };
 
 /// Does it on a thread of low priority, so that a live run waits for nothing: what comes back is a little old.

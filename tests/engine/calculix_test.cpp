@@ -49,11 +49,11 @@ NodalResult press(const TetMesh& mesh, Material material, double depth, const Qu
     spec.fingers.push_back(finger);
     spec.objects.push_back({"plane", {}, turned(0), 0});
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     const EntityId id = world.skins.owner(0);
     for (int k = 1; k <= 13; ++k) {
         world.tracker_poses[0].incoming = {turned(-lowest - depth * std::min(1.0, 0.1 * k)), 0.005 * k, true};
-        step(world, arena);
+        step(world, threads);
     }
     const Pose<double> bone = bone_pose(world, id);
     const Mat3<double> to_bone = transpose(rotation_matrix(bone.rotation));

@@ -45,7 +45,7 @@ SceneSpec keyboard(int fingers, bool single, int only = -1) {
 
 World pressed(const SceneSpec& spec, int steps = 24) {
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     for (int k = 0; k < steps; ++k) {
         for (std::size_t i = 0; i < world.skins.size(); ++i) {
             Pose<double> pose = world.skins[i].start;
@@ -53,7 +53,7 @@ World pressed(const SceneSpec& spec, int steps = 24) {
             pose.position.x += 1e-3 * std::max(0.0, (k - 12) / 12.0);
             world.tracker_poses.find(world.couplings[i].tracker)->incoming = {pose, world.time, true};
         }
-        step(world, arena);
+        step(world, threads);
     }
     return world;
 }
@@ -139,8 +139,8 @@ TEST(Contacts, MemoryGrowsWithWhatIsNearAndIsCounted) {
     World world = pressed(keyboard(2, false), 12);
     EXPECT_GT(world.contact_growths, 0);
     const auto grown = world.contact_growths;
-    oneapi::tbb::task_arena arena(1);
-    for (int k = 0; k < 10; ++k) step(world, arena);
+    Threads threads(1);
+    for (int k = 0; k < 10; ++k) step(world, threads);
     EXPECT_EQ(world.contact_growths, grown);
     for (const auto& c : world.chunks.doubles)
         for (int lane = 0; lane < c.width; ++lane) {
@@ -163,7 +163,7 @@ TEST(Contacts, ReportedForcesBalanceWhileAFingerIsWipedOffABody) {
     spec.solver.newton_iterations = 1;
     spec.fingers[0].start.position.z += 0.002;
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     double worst = 0;
     int alone = 0;
     for (int k = 0; k < 60; ++k) {
@@ -171,7 +171,7 @@ TEST(Contacts, ReportedForcesBalanceWhileAFingerIsWipedOffABody) {
         pose.position.z -= 2e-3 * std::min(1.0, k / 6.0) - 4e-4 * std::max(0, k - 12);
         pose.position.x += 6e-4 * std::max(0, k - 6);
         world.tracker_poses[0].incoming = {pose, world.time, true};
-        step(world, arena);
+        step(world, threads);
         const auto& c = world.chunks.doubles[0];
         for (std::size_t s = 0; s < c.state.friction_radius.size() && c.contacts.count[0] > 0; ++s)
             alone += c.state.normal_multiplier[s] <= 0 && std::abs(c.state.tangential_multiplier[3 * s]) > 1e-4;

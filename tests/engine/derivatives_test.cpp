@@ -1,5 +1,7 @@
 // Every energy's gradient and curvature against central differences, relative 1e-6.
 
+#include <Eigen/Eigenvalues>
+
 #include "engine/bodies/pose_spring.h"
 #include "engine/bodies/rigid_body.h"
 #include "engine/contact/contact_terms.h"

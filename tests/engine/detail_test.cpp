@@ -47,12 +47,12 @@ Pose<double> told(const Pose<double>& start, int i, int k, const Touches& touche
     return pose;
 }
 
-void advance(World& world, oneapi::tbb::task_arena& arena, int k, const std::vector<int>& numbers,
+void advance(World& world, Threads& threads, int k, const std::vector<int>& numbers,
              const Touches& touches) {
     for (std::size_t row = 0; row < world.skins.size(); ++row)
         world.tracker_poses.find(world.couplings[row].tracker)->incoming = {
             told(world.skins[row].start, numbers[row], k, touches), world.time, true};
-    step(world, arena);
+    step(world, threads);
 }
 
 Touches random_touches(int fingers, unsigned seed) {
@@ -101,15 +101,15 @@ TEST_P(Gathering, LeavesEveryFingerTheBitsItHasAlone) {
         alone.push_back(build_world(own));
         numbers.push_back(i);
     }
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     std::vector<std::pair<int, int>> places;
     for (const Skin& skin : together.skins) places.emplace_back(skin.chunk, skin.lane);
     int touching = 0, moved = 0, linear = 0, beside = 0;
     for (int k = 0; k < 400; ++k) {
-        advance(together, arena, k, numbers, touches);
+        advance(together, threads, k, numbers, touches);
         for (int i = 0; i < fingers; ++i) {
             World& one = alone[std::size_t(i)];
-            advance(one, arena, k, {i}, touches);
+            advance(one, threads, k, {i}, touches);
             ASSERT_EQ(finger_positions(together, together.skins.owner(std::size_t(i))),
                       finger_positions(one, one.skins.owner(0)))
                 << "finger " << i << " in step " << k;
@@ -150,13 +150,13 @@ TEST_P(Gathering, SolvesFewLanesWhereFewFingersTouch) {
         touches.from.push_back(i % 16 == 5 ? 60 + 40 * (i / 16) : 1e9);
         touches.to.push_back(2e9);
     }
-    oneapi::tbb::task_arena arena(1);
-    for (int k = 0; k < 120; ++k) advance(world, arena, k, numbers, touches);
+    Threads threads(1);
+    for (int k = 0; k < 120; ++k) advance(world, threads, k, numbers, touches);
     int widest = 1;
     for (const auto& c : world.chunks.doubles) widest = std::max(widest, c.width);
     for (const auto& c : world.chunks.floats) widest = std::max(widest, c.width);
     EXPECT_LE(solved_lanes(world), std::max(widest, 4)) << "of " << all;
-    for (int k = 120; k < 260; ++k) advance(world, arena, k, numbers, touches);
+    for (int k = 120; k < 260; ++k) advance(world, threads, k, numbers, touches);
     EXPECT_LE(solved_lanes(world), std::max(widest, 4));
     for (int i : {5, 21, 37}) EXPECT_GT(world.contact_surfaces[std::size_t(i)].normal_force, 0.01);
 }
@@ -167,8 +167,8 @@ TEST(ExchangeLanes, ThereAndBackIsNothing) {
     const Touches touches = random_touches(12, 5);
     std::vector<int> numbers;
     for (int i = 0; i < 12; ++i) numbers.push_back(i);
-    oneapi::tbb::task_arena arena(1);
-    for (int k = 0; k < 120; ++k) advance(world, arena, k, numbers, touches);
+    Threads threads(1);
+    for (int k = 0; k < 120; ++k) advance(world, threads, k, numbers, touches);
     auto& chunks = world.chunks.doubles;
     int exchanged = 0;
     for (auto& a : chunks)
@@ -213,11 +213,11 @@ TEST(RigidSkin, GivesTheForcesOfTheFullSolveWithinItsTolerance) {
         spec.solver.dt = 0.001;
         spec.solver.newton_iterations = 30;
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         rigid = 0;
         for (int k = 0; k < 3000; ++k) {
             world.tracker_poses[0].incoming = {journey(world.skins[0].start, 0.001 * k), world.time, true};
-            step(world, arena);
+            step(world, threads);
             rigid += world.chunks.doubles[0].rigid_lanes != 0;
             forces.push_back(world.contact_surfaces[0].total);
             pulls.push_back(world.couplings[0].force_N);
@@ -246,11 +246,11 @@ TEST(RigidSkin, MovesAsTheBoneOfTheFullSolve) {
         SceneSpec spec = fingers_over_a_table(1, false, tolerance);
         spec.fingers[0].start.position.z = 0.2;
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         std::vector<Pose<double>> all;
         for (int k = 0; k < 500; ++k) {
             world.tracker_poses[0].incoming = {journey(world.skins[0].start, 0.002 * k), world.time, true};
-            step(world, arena);
+            step(world, threads);
             all.push_back(bone_pose(world, world.skins.owner(0)));
         }
         return all;
@@ -277,13 +277,13 @@ RodRun press_on(bool rod, int refinement, double penetration) {
         spec.objects[0] = {"rod", capsule, {{0.0002, 0, 0}, {std::sqrt(0.5), std::sqrt(0.5), 0, 0}}, 0};
     }
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     RodRun run;
     for (int k = 0; k < 200; ++k) {
         Pose<double> pose = world.skins[0].start;
         pose.position.z -= std::min(rod ? 0.0258 : 0.0265, 0.0003 * k);
         world.tracker_poses[0].incoming = {pose, world.time, true};
-        step(world, arena);
+        step(world, threads);
         run.fine_steps += world.chunks.doubles[0].fine_lanes & 1u;
         run.force = world.contact_surfaces[0].normal_force;
     }

@@ -32,7 +32,7 @@ inline FingerSpec finger(const Pose<double>& bone) {
 
 struct Lab {
     World world;
-    oneapi::tbb::task_arena arena{2};
+    Threads threads{2};
     explicit Lab(const SceneSpec& spec) : world(build_world(spec)) {}
     /// Steps for a time; `place` aims the fingers.
     void run(double seconds, const std::function<void(double, World&)>& place = {}) {
@@ -43,7 +43,7 @@ struct Lab {
                 s.valid = true, s.time = world.time;
             }
             if (place) place(world.time, world);
-            step(world, arena);
+            step(world, threads);
         }
     }
     Pose<double>& target(int i) { return world.tracker_poses.find(world.couplings[i].tracker)->incoming.pose; }

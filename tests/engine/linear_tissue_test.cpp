@@ -165,7 +165,7 @@ Pressed press(double detail_error, double depth, bool single) {
     spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});
     World world = build_world(spec);
     Pressed p;
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     for (int k = 0; k < 1500; ++k) {
         const double t = 0.002 * k;
         Pose<double> pose = world.skins[0].start;
@@ -174,7 +174,7 @@ Pressed press(double detail_error, double depth, bool single) {
         const double angle = 0.1 * std::sin(4 * t);
         pose.rotation = {std::cos(angle / 2), std::sin(angle / 2), 0, 0};
         world.tracker_poses[0].incoming = {pose, world.time, true};
-        step(world, arena);
+        step(world, threads);
         const SkinStatus& status = skin_status(world, world.skins.owner(0));
         EXPECT_FALSE(status.reset);
         p.forces.push_back(world.contact_surfaces[0].total);

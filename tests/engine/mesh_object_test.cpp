@@ -190,8 +190,8 @@ TEST(MeshObject, ABoxOfTrianglesSlidesLikeABox) {
         o.body = solid_body(o.shape, 0.1);
         spec.objects.push_back(o);
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
-        for (int k = 0; k < 60; ++k) step(world, arena);
+        Threads threads(1);
+        for (int k = 0; k < 60; ++k) step(world, threads);
         const double t = 0.3, a = std::max(0.0, 9.81 * (std::sin(angle) - 0.4 * std::cos(angle)));
         EXPECT_NEAR(world.shapes[1].pose.position.x, 0.5 * a * t * (t + 0.005), 0.01 * 0.5 * a * t * t + 1e-6);
         EXPECT_NEAR(world.shapes[1].pose.position.z, 0.01, 1e-5);

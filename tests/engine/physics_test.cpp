@@ -378,12 +378,12 @@ TEST(SoftObjects, PressBackAsDeepAsTheyArePressed) {
         spec.objects.push_back({"floor", {}, Pose<double>::identity()});
         spec.objects.back().stiffness = stiffness;
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         world.tracker_poses[0].incoming.valid = true;
         world.tracker_poses[0].incoming.pose.position = {0, 0, 0.0034};
         for (int k = 0; k < 20; ++k) {
             world.tracker_poses[0].incoming.time = world.time;
-            step(world, arena);
+            step(world, threads);
         }
         EXPECT_TRUE(skin_status(world, world.skins.owner(0)).converged);
         return world;

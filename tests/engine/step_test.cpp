@@ -79,7 +79,7 @@ SceneSpec scene_of(int fingers, bool device, double friction = 0.4, bool bodies 
     return spec;
 }
 
-void drive(World& world, oneapi::tbb::task_arena& arena, int steps) {
+void drive(World& world, Threads& threads, int steps) {
     for (int k = 0; k < steps; ++k) {
         for (std::size_t i = 0; i < world.skins.size(); ++i) {
             TrackerPose& t = *world.tracker_poses.find(world.couplings[i].tracker);
@@ -89,7 +89,7 @@ void drive(World& world, oneapi::tbb::task_arena& arena, int steps) {
             t.incoming.time = world.time;
             t.incoming.valid = true;
         }
-        step(world, arena);
+        step(world, threads);
     }
 }
 
@@ -100,7 +100,7 @@ INSTANTIATE_TEST_SUITE_P(Step, StepWithBodies, ::testing::Bool(),
 TEST_P(StepWithBodies, SameBitsForAnyNumberOfThreads) {
     const oneapi::tbb::global_control eight_threads(oneapi::tbb::global_control::max_allowed_parallelism, 8);
     std::vector<World> worlds;
-    for (int threads : {1, 2, 4, 8}) {
+    for (int count : {1, 2, 4, 8}) {
         SceneSpec spec = scene_of(6, true, 0.4, GetParam());
         spec.solver.sample_refinement = 2;
         // Two connectivities: several chunks share the bodies' solve.
@@ -109,8 +109,8 @@ TEST_P(StepWithBodies, SameBitsForAnyNumberOfThreads) {
             spec.fingers[i].single_precision = i == 4;
         }
         worlds.push_back(build_world(spec));
-        oneapi::tbb::task_arena arena(threads);
-        drive(worlds.back(), arena, 40);
+        Threads threads(count);
+        drive(worlds.back(), threads, 40);
     }
     auto compare = [](const char* array, const auto& a, const auto& b) {
         ASSERT_EQ(a.size(), b.size());
@@ -143,10 +143,10 @@ TEST_P(StepWithBodies, DoesNotAllocate) {
     if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "allocations are counted in builds without sanitiser";
     // One chunk and no thimble: no oneTBB task, no NLopt, so nothing at all may allocate.
     World world = build_world(scene_of(1, false, 0.4, GetParam()));
-    oneapi::tbb::task_arena arena(1);
-    drive(world, arena, 10);
+    Threads threads(1);
+    drive(world, threads, 10);
     const long before = allocations;
-    drive(world, arena, 30);
+    drive(world, threads, 30);
     EXPECT_EQ(allocations - before, 0);
     EXPECT_GT(world.contact_surfaces[0].normal_force, 0.01);
 }
@@ -155,10 +155,10 @@ TEST(Step, AFingerFarFromEverythingSleepsUntilItsTargetMovesOrAnObjectComes) {
     SceneSpec spec = scene_of(1, false);
     spec.fingers[0].start.position.z = 0.2;
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     TrackerPose& t = world.tracker_poses[0];
     auto advance = [&](const Pose<double>& pose, int steps) {
-        for (int k = 0; k < steps; ++k) t.incoming = {pose, world.time, true}, step(world, arena);
+        for (int k = 0; k < steps; ++k) t.incoming = {pose, world.time, true}, step(world, threads);
     };
     Pose<double> pose = spec.fingers[0].start;
     advance(pose, 20);
@@ -181,7 +181,7 @@ TEST(Step, AFingerFarFromEverythingSleepsUntilItsTargetMovesOrAnObjectComes) {
 /// A hand that is seen no more must not go on pressing: its thimble goes to rest, slowly, and comes back with the hand.
 TEST(Step, ASilentTrackerLeadsItsThimbleToRest) {
     World world = build_world(scene_of(1, true));
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     const Matching& m = world.matchings[0];
     ThimbleLoop loop;
     initialise(loop, m.model, {}, make_simulated_driver({}, m.model.kind->joints(m.model, m.model.rest).q));
@@ -193,7 +193,7 @@ TEST(Step, ASilentTrackerLeadsItsThimbleToRest) {
         fastest = 0;
         for (const double end = world.time + seconds; world.time < end;) {
             world.tracker_poses[0].incoming = {pressed, world.time, seen};
-            step(world, arena);
+            step(world, threads);
             if (tick(loop, world.time)) fastest = std::max(fastest, loop.velocity.cwiseAbs().maxCoeff());
         }
     };
@@ -300,13 +300,13 @@ TEST(Trackers, OneEuroFilterCalmsAHandAtRestAndReportsItsDelay) {
 
 TEST(Trackers, BadSamplesAreCountedAndNeverUsed) {
     World world = build_world(scene_of(1, false));
-    oneapi::tbb::task_arena arena(1);
-    drive(world, arena, 2);
+    Threads threads(1);
+    drive(world, threads, 2);
     TrackerPose& t = world.tracker_poses[0];
     const Pose<double> good = t.newest.pose;
     auto offer = [&](const TrackerPose::Sample& s) {
         t.incoming = s;
-        step(world, arena);
+        step(world, threads);
         EXPECT_EQ(std::memcmp(&t.newest.pose, &good, sizeof good), 0);
     };
     const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -324,14 +324,14 @@ TEST(Trackers, BadSamplesAreCountedAndNeverUsed) {
 TEST(Trackers, OppositeQuaternionsAreOneRotation) {
     auto run = [](bool alternate) {
         World world = build_world(scene_of(1, false));
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         for (int k = 0; k < 20; ++k) {
             TrackerPose& t = world.tracker_poses[0];
             t.incoming = {world.skins[0].start, world.time, true};
             t.incoming.pose.rotation = normalised(Quaternion<double>{0.9, 0.1, 0.2, 0.05 * k});
             Quaternion<double>& q = t.incoming.pose.rotation;
             if (alternate && k % 2) q = {-q.w, -q.x, -q.y, -q.z};
-            step(world, arena);
+            step(world, threads);
         }
         return finger_positions(world, world.skins.owner(0));
     };
@@ -340,13 +340,13 @@ TEST(Trackers, OppositeQuaternionsAreOneRotation) {
 
 TEST(Trackers, ATeleportIsSlowedDown) {
     World world = build_world(scene_of(1, false));
-    oneapi::tbb::task_arena arena(1);
-    drive(world, arena, 5);
+    Threads threads(1);
+    drive(world, threads, 5);
     TrackerPose& t = world.tracker_poses[0];
     t.incoming.pose.position = {1, 1, 1};
     t.incoming.time = world.time;
     const Vec3<double> before = world.couplings[0].target.position;
-    step(world, arena);
+    step(world, threads);
     EXPECT_LE(norm(world.couplings[0].target.position - before),
               world.couplings[0].max_speed * world.solver.dt * (1 + 1e-12));
     EXPECT_EQ(world.couplings[0].slowed, 1);
@@ -354,8 +354,8 @@ TEST(Trackers, ATeleportIsSlowedDown) {
 
 TEST(Trackers, AFlipIsSlowedDown) {
     World world = build_world(scene_of(1, false));
-    oneapi::tbb::task_arena arena(1);
-    drive(world, arena, 5);
+    Threads threads(1);
+    drive(world, threads, 5);
     const std::int64_t before = world.couplings[0].slowed;
     const Quaternion<double> from = world.couplings[0].target.rotation;
     TrackerPose& t = world.tracker_poses[0];
@@ -370,7 +370,7 @@ TEST(Trackers, AFlipIsSlowedDown) {
     int steps = 0;
     for (; steps < 100 && angle(t.incoming.pose.rotation, last) > 1e-6; ++steps) {
         t.incoming.time = world.time;
-        step(world, arena);
+        step(world, threads);
         const Quaternion<double> now = world.couplings[0].target.rotation;
         EXPECT_LE(angle(now, last), most * (1 + 1e-9));
         last = now;
@@ -387,14 +387,14 @@ TEST(Trackers, TheCouplingsTorqueIsLimited) {
     spec.fingers[0].coupling.max_torque = 0.01;
     spec.fingers[0].coupling.max_spin = 1e4;
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     TrackerPose& t = world.tracker_poses[0];
     t.incoming = {spec.fingers[0].start, 0, true};
-    step(world, arena);
+    step(world, threads);
     // Nothing holds the finger: it turns as far as the spring's limited reach, and no farther in one step.
     t.incoming.pose.rotation = normalised(Quaternion<double>{1, 0, 1, 0} * t.incoming.pose.rotation);
     const Quaternion<double> before = bone_pose(world, world.skins.owner(0)).rotation;
-    step(world, arena);
+    step(world, threads);
     const Quaternion<double> e = bone_pose(world, world.skins.owner(0)).rotation * conjugate(before);
     EXPECT_NEAR(2 * spec.fingers[0].coupling.angular_stiffness * norm(e.vector()), 0.01, 1e-6);
 }

@@ -35,8 +35,8 @@ FingerSpec built(const FingerModel& m) {
 }
 
 std::vector<IndentationCurve> pressed(const std::vector<Indentation>& fingers, IndentationSettings s = {.steps = 12}) {
-    oneapi::tbb::task_arena arena(2);
-    return indent(fingers, s, arena);
+    Threads threads(2);
+    return indent(fingers, s, threads);
 }
 
 TEST(PatchArea, OfADiscAndOfARing) {
@@ -124,9 +124,9 @@ TEST_P(IndexFinger, LiesInsideTheBands) {
     FingerModel model = named("index-median");
     model.mesh.elements = std::get<0>(GetParam());
     const Indentation press{built(model), std::get<1>(GetParam()) * degree, 0, 4e-3};
-    oneapi::tbb::task_arena arena(2);
+    Threads threads(2);
     const IndentationCurve curve = pressed({press}, {.steps = 120, .force_limit = 6})[0];
-    const FingertipFigures f = fingertip_figures(press, curve, 0.8, arena);
+    const FingertipFigures f = fingertip_figures(press, curve, 0.8, threads);
     auto between = [](double v, double low, double high) { return v >= low && v <= high; };
     EXPECT_PRED3(between, 1e3 * f.displacement_1N, 1.2, 2.2);
     EXPECT_PRED3(between, 1e3 * f.displacement_4N, 1.8, 3.0);
@@ -307,11 +307,11 @@ TEST(Calibration, FindsWhatTheDataHold) {
         if (p.name == "low") p.set(truth, 0.62);
         if (p.name == "width_mm") p.set(truth, 18.5);
     }
-    oneapi::tbb::task_arena arena(2);
+    Threads threads(2);
     const std::atomic<bool> stop{false};
     CalibrationSettings s;
     s.parameters = {"young_kPa", "low", "width_mm", "high"};
-    const Calibration c = calibrate(named("index-median"), measured(truth, {0, 30}, 10), s, arena, stop, {});
+    const Calibration c = calibrate(named("index-median"), measured(truth, {0, 30}, 10), s, threads, stop, {});
     EXPECT_NEAR(c.parameters[0].value, 17, 0.5);
     EXPECT_NEAR(c.parameters[1].value, 0.62, 0.01);
     EXPECT_NEAR(c.parameters[2].value, 18.5, 0.4);
@@ -327,7 +327,7 @@ TEST(Calibration, IntervalsHoldTheTruthAndAnotherAngleIsForeseen) {
     const char* asked = std::getenv("PALPATE_CALIBRATION_TRIALS");
     const int trials = asked ? std::atoi(asked) : 2;
     const char* seed = std::getenv("PALPATE_CALIBRATION_SEED");
-    oneapi::tbb::task_arena arena(2);
+    Threads threads(2);
     const std::atomic<bool> stop{false};
     std::mt19937 random(seed ? unsigned(std::atoi(seed)) : 7);
     std::normal_distribution<double> noise(0, 0.05);
@@ -348,12 +348,12 @@ TEST(Calibration, IntervalsHoldTheTruthAndAnotherAngleIsForeseen) {
         data.pop_back();
         for (MeasuredCurve& c : data)
             for (MeasuredPoint& p : c.points) p.force *= std::exp(noise(random)), p.area *= std::exp(noise(random));
-        const Calibration c = calibrate(start, data, settings, arena, stop, {});
+        const Calibration c = calibrate(start, data, settings, threads, stop, {});
         for (int k = 0; k < 3; ++k) {
             const FittedParameter& p = c.parameters[std::size_t(k)];
             inside[k] += values[k] >= p.low95 && values[k] <= p.high95;
         }
-        const double error = compare_with_curves(c.model, held_out, settings, arena)[0].force_area;
+        const double error = compare_with_curves(c.model, held_out, settings, threads)[0].force_area;
         worst = std::max(worst, error);
         mean += error / trials;
     }
@@ -366,14 +366,14 @@ TEST(Calibration, IntervalsHoldTheTruthAndAnotherAngleIsForeseen) {
 }
 
 TEST(Calibration, RefusesWhatItCannotFit) {
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     const std::atomic<bool> stop{false};
     std::vector<MeasuredCurve> data{{0, {{1e-3, 0.2, std::nan("")}}}};
     CalibrationSettings s;
     s.parameters = {"youngs"};
-    EXPECT_THROW(calibrate(named("index-median"), data, s, arena, stop, {}), InputError);
+    EXPECT_THROW(calibrate(named("index-median"), data, s, threads, stop, {}), InputError);
     s.parameters = {"young_kPa", "low"};
-    EXPECT_THROW(calibrate(named("index-median"), data, s, arena, stop, {}), InputError);
+    EXPECT_THROW(calibrate(named("index-median"), data, s, threads, stop, {}), InputError);
 }
 
 TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {

@@ -1,4 +1,3 @@
-#include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
 
@@ -23,10 +22,10 @@ void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
 
 }  // namespace
 
-void solve_skins(const SolverSettings& solver, oneapi::tbb::task_arena& arena, SkinChunks& chunks) {
+void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks) {
     auto solve = [&](int i) { chunks.with(i, [&](auto& c) { solve_or_leave(c, solver); }); };
     if (chunks.count() == 1) return solve(0);
-    arena.execute([&] { oneapi::tbb::parallel_for(0, chunks.count(), solve, oneapi::tbb::simple_partitioner()); });
+    threads.for_each(chunks.count(), solve);
 }
 
 }  // namespace palpate

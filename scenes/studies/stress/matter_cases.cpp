@@ -57,13 +57,13 @@ struct Pressed {
 /// A press of a millimetre in 30 steps, held for as many.
 Pressed press(const SceneSpec& spec) {
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     Pose<double> target = spec.fingers[0].start;
     Pressed p;
     for (int k = 0; k < 60; ++k) {
         if (k < 30) target.position.z -= 1.5e-3 / 30;
         aim(world, 0, target);
-        step(world, arena);
+        step(world, threads);
         const SkinStatus& s = skin_status(world, world.skins.owner(0));
         p.sound = p.sound && finite(world) && !s.reset;
         p.converged += s.converged;
@@ -135,11 +135,11 @@ StressOutcome unlike_neighbours(int, const std::atomic<bool>&) {
             spec.objects.push_back(o);
         }
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         int unconverged = 0;
         bool reset = false;
         for (int k = 0; k < 400; ++k) {
-            step(world, arena);
+            step(world, threads);
             unconverged += !world.bodies[0].converged || !world.bodies[1].converged;
             for (const RigidBody& b : world.bodies) reset = reset || b.reset;
         }
@@ -176,13 +176,13 @@ StressOutcome friction_ends(int effort, const std::atomic<bool>&) {
                 o.body = solid_body(plate, 0.05);
                 spec.objects.push_back(o);
                 World world = build_world(spec);
-                oneapi::tbb::task_arena arena(1);
+                Threads threads(1);
                 const bool sticks = std::tan(angle) < friction;
                 const double end = sticks ? seconds : 0.3;
                 double earlier = 0;
                 while (world.time < end - 1e-9) {
                     if (world.time < 0.1) earlier = world.bodies[0].velocity.x;
-                    step(world, arena);
+                    step(world, threads);
                 }
                 const double travelled = std::abs(world.shapes[1].pose.position.x);
                 if (sticks) {
@@ -200,14 +200,14 @@ StressOutcome friction_ends(int effort, const std::atomic<bool>&) {
         SceneSpec spec = press_spec(347);
         spec.objects[0].friction = friction;
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         Pose<double> target = spec.fingers[0].start;
         double slip_before = 0;
         for (int k = 0; k < 300; ++k) {
             if (k < 30) target.position.z -= 5e-5;
             if (k >= 30 && k < 80) target.position.x += 4e-5;
             aim(world, 0, target);
-            step(world, arena);
+            step(world, threads);
             const ContactSurface& c = world.contact_surfaces[0];
             if (friction == 0) drag = std::max(drag, std::hypot(c.total.x, c.total.y) / std::max(1e-3, c.normal_force));
             if (k == 150) slip_before = bone_pose(world, world.skins.owner(0)).position.x;

@@ -25,7 +25,7 @@ StressOutcome start_states(int effort, const std::atomic<bool>& stop) {
                 if (stop) break;
                 SceneSpec spec = press_spec(elements, 0.05);
                 World world = build_world(spec);
-                oneapi::tbb::task_arena arena(1);
+                Threads threads(1);
                 auto& c = world.chunks.doubles[0];
                 const Pose<double> start = spec.fingers[0].start;
                 for (int i = 0; i < c.topology->node_count; ++i) {
@@ -42,7 +42,7 @@ StressOutcome start_states(int effort, const std::atomic<bool>& stop) {
                 bool good = false;
                 for (int k = 0; k < 1000 && !good; ++k) {
                     aim(world, 0, start);
-                    step(world, arena);
+                    step(world, threads);
                     reset += skin_status(world, world.skins.owner(0)).reset;
                     if (!finite(world)) break;
                     good = off_rest(world) < 1e-6;
@@ -128,7 +128,7 @@ StressOutcome material_grid(int effort, const std::atomic<bool>& stop) {
                     f.density = density;
                     spec.solver.dt = dt;
                     World world = build_world(spec);
-                    oneapi::tbb::task_arena arena(1);
+                    Threads threads(1);
                     Pose<double> target = f.start;
                     bool sound = true;
                     int converged = 0;
@@ -136,7 +136,7 @@ StressOutcome material_grid(int effort, const std::atomic<bool>& stop) {
                     for (int k = 0; k < count; ++k) {
                         target.position.z -= 1e-3 / count;
                         aim(world, 0, target);
-                        step(world, arena);
+                        step(world, threads);
                         const SkinStatus& s = skin_status(world, world.skins.owner(0));
                         sound = sound && finite(world) && !s.reset;
                         converged += s.converged;
@@ -163,13 +163,13 @@ StressOutcome press_hard(double newton, double ramp, double hold, const std::ato
     FingerSpec& f = spec.fingers[0];
     f.coupling.max_force = newton;
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     double limits = 0, last_limits = 0;
     while (world.time < ramp + hold && !stop) {
         Pose<double> down = f.start;
         down.position.z -= 1.2 * newton / f.coupling.stiffness * std::min(1.0, world.time / ramp);
         aim(world, 0, down);
-        step(world, arena);
+        step(world, threads);
         last_limits = skin_status(world, world.skins.owner(0)).limit_violation;
         limits = std::max(limits, last_limits);
         if (!finite(world)) return {false, text("not finite at %.2f s", world.time)};
@@ -177,7 +177,7 @@ StressOutcome press_hard(double newton, double ramp, double hold, const std::ato
     const double force = world.contact_surfaces[0].normal_force, end = world.time;
     while (world.time < end + 2 && !stop) {
         aim(world, 0, f.start);
-        step(world, arena);
+        step(world, threads);
     }
     const double left = off_rest(world);
     return {
@@ -209,12 +209,12 @@ StressOutcome tight_limits(int, const std::atomic<bool>& stop) {
         spec.fingers[0].limit_low = 1 - room;
         spec.fingers[0].limit_high = 1 + room;
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         Pose<double> target = spec.fingers[0].start;
         for (int k = 0; k < 40; ++k) {
             target.position.z -= 1e-4;
             aim(world, 0, target);
-            step(world, arena);
+            step(world, threads);
             const SkinStatus& s = skin_status(world, world.skins.owner(0));
             most = std::max(most, s.newton_iterations);
             if (!finite(world)) return {false, text("not finite with limits of 1 +- %g", room)};

@@ -30,7 +30,7 @@ StressOutcome contacts(int, const std::atomic<bool>&) {
             spec.objects[0].pose.position.z = -0.05 * std::sqrt(2.0);
         }
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         int most = 0, resets = 0;
         Pose<double> target = start;
         for (int k = 0; k < 100; ++k) {
@@ -39,7 +39,7 @@ StressOutcome contacts(int, const std::atomic<bool>&) {
             else if (k < 30)
                 target.position.z -= 1e-4;
             aim(world, 0, target);
-            step(world, arena);
+            step(world, threads);
             const SkinStatus& s = skin_status(world, world.skins.owner(0));
             most = std::max(most, s.newton_iterations);
             resets += s.reset;
@@ -59,7 +59,7 @@ StressOutcome tracker_faults(int effort, const std::atomic<bool>&) {
     thimble.model = find_kind("chinello-3rrs")->defaults();
     spec.thimbles.push_back(thimble);
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(1);
+    Threads threads(1);
     ThimbleLoop loop;
     initialise(loop, thimble.model, {},
                make_simulated_driver({}, thimble.model.kind->joints(thimble.model, thimble.model.rest).q));
@@ -100,7 +100,7 @@ StressOutcome tracker_faults(int effort, const std::atomic<bool>&) {
                 break;
         }
         world.tracker_poses[0].incoming = s;
-        step(world, arena);
+        step(world, threads);
         if (!tick(loop, world.time)) continue;
         const double dt = loop.settings.period;
         for (int j = 0; j < loop.q.size(); ++j) {
@@ -149,7 +149,7 @@ Soak soak_fingers(long steps, unsigned every, bool automatic, const std::atomic<
         spec.fingers.back().single_precision = i >= 5;
     }
     World world = build_world(spec);
-    oneapi::tbb::task_arena arena(2);
+    Threads threads(2);
     Soak s;
     DetailCount count;
     double memory = 0;
@@ -164,7 +164,7 @@ Soak soak_fingers(long steps, unsigned every, bool automatic, const std::atomic<
             if (random() % 300 == 0) world.tracker_poses[i].incoming.pose.position.y = NAN;
         }
         world.shapes[1].pose.position.x = 0.1 * std::sin(0.001 * double(s.steps));
-        step(world, arena);
+        step(world, threads);
         count_detail(world, count);
         for (std::size_t i = 0; i < 10; ++i) s.resets += skin_status(world, world.skins.owner(i)).reset;
         if (!(s.finite = finite(world))) return s;
@@ -195,7 +195,7 @@ StressOutcome soak(int effort, const std::atomic<bool>& stop) {
 /// S13
 StressOutcome determinism(int effort, const std::atomic<bool>&) {
     std::vector<std::vector<double>> results;
-    for (int threads : {1, 2, 3, 8, 32, 1}) {
+    for (int count : {1, 2, 3, 8, 32, 1}) {
         SceneSpec spec = press_spec(150);
         const FingerSpec first = spec.fingers[0];
         for (int i = 1; i < 20; ++i) {
@@ -204,14 +204,14 @@ StressOutcome determinism(int effort, const std::atomic<bool>&) {
             spec.fingers.back().young_modulus *= 1 + 0.05 * i;
         }
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(threads);
+        Threads threads(count);
         for (int k = 0; k < 20 * effort; ++k) {
             for (std::size_t i = 0; i < 20; ++i) {
                 Pose<double> pose = first.start;
                 pose.position.z -= std::min(0.002, 1e-4 * k);
                 aim(world, i, pose);
             }
-            step(world, arena);
+            step(world, threads);
         }
         std::vector<double> all;
         for (const auto& c : world.chunks.doubles)
@@ -231,7 +231,7 @@ StressOutcome one_finger_lost(int, const std::atomic<bool>&) {
         const FingerSpec first = spec.fingers[0];
         for (int i = 1; i < 4; ++i) spec.fingers.push_back(first), spec.fingers.back().name += std::to_string(i);
         World world = build_world(spec);
-        oneapi::tbb::task_arena arena(1);
+        Threads threads(1);
         for (int k = 0; k < 60; ++k) {
             for (std::size_t i = 0; i < 4; ++i) {
                 Pose<double> pose = first.start;
@@ -240,7 +240,7 @@ StressOutcome one_finger_lost(int, const std::atomic<bool>&) {
             }
             auto& c = world.chunks.doubles[0];
             if (poison && k == 30) c.state.position[std::size_t(3 * 7 * c.width + 1)] = NAN;
-            step(world, arena);
+            step(world, threads);
             resets += skin_status(world, world.skins.owner(1)).reset;
         }
         return world;

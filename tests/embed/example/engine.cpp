@@ -13,8 +13,8 @@ int main() {
     palpate::SceneSpec spec;
     spec.fingers.push_back(finger);
     palpate::World world = palpate::build_world(spec);
-    oneapi::tbb::task_arena arena(1);
-    palpate::step(world, arena);
+    palpate::Threads threads(1);
+    palpate::step(world, threads);
     std::printf("%g\n", world.time);
     return world.time > 0 && palpate::skin_status(world, world.skins.owner(0)).converged ? 0 : 1;
 }
