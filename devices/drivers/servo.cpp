@@ -8,16 +8,15 @@ namespace palpate {
 std::vector<std::string> ServoCalibration::validate() const {
     std::vector<std::string> wrong;
     auto text = [](double x) { return std::to_string(x).substr(0, std::to_string(x).find('.') + 3); };
-    if (!(std::abs(units_per_rad) >= 50 && std::abs(units_per_rad) <= 5000))
-        wrong.push_back("a servo moves by 50 to 5000 units per radian, found " + text(units_per_rad));
-    if (!(min >= 64 && max <= 16000 && min < max))
+    check(std::abs(units_per_rad), servo_bounds::units_per_rad, "a servo's units per radian, either way,", "", wrong);
+    const bool inside = servo_bounds::units.holds(min) && servo_bounds::units.holds(max);
+    if (!inside || !(min < max))
         wrong.push_back("a servo's range must lie between 64 and 16000 units, found " + text(min) + " to " + text(max));
     if (!(zero >= min && zero <= max))
         wrong.push_back("a servo's zero must lie in its range, found " + text(zero) + " outside " + text(min) + " to " +
                         text(max));
-    if (!(torque_per_Nm >= 0 && torque_per_Nm <= 1e5 && torque_max >= 0 && torque_max <= 32000))
-        wrong.push_back("a servo's torque limit takes 0 to 100000 units per N m, and 0 to 32000 units at most, found " +
-                        text(torque_per_Nm) + " and " + text(torque_max));
+    check(torque_per_Nm, servo_bounds::torque_per_Nm, "a servo's torque limit per N m", " units", wrong);
+    check(torque_max, servo_bounds::torque_max, "a servo's largest torque limit", " units", wrong);
     return wrong;
 }
 

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "devices/range.h"
+
 namespace palpate {
 
 /// How one servo sits in its thimble. Units are the controller's: microseconds of pulse, or ticks of a bus servo.
@@ -17,6 +19,13 @@ struct ServoCalibration {
     std::vector<std::string> validate() const;
     bool operator==(const ServoCalibration&) const = default;
 };
+
+/// Bounds of these in the controller's units; validate() and readers of files hold to them alone.
+namespace servo_bounds {
+inline constexpr Range units{64, 16000};         ///< of zero, min and max
+inline constexpr Range units_per_rad{50, 5000};  ///< in either direction
+inline constexpr Range torque_per_Nm{0, 1e5}, torque_max{0, 32000};
+}  // namespace servo_bounds
 
 /// What a value on the wire counts: quarter microseconds, or ticks.
 using WireValue = std::uint16_t;

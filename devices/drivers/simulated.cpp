@@ -7,11 +7,11 @@ namespace palpate {
 
 std::vector<std::string> ServoModel::validate() const {
     std::vector<std::string> wrong;
-    if (!(pulse_step_us > 0 && pulse_step_us <= 50)) wrong.emplace_back("pulse_step_us must be between 0 and 50");
+    namespace bounds = servo_model_bounds;
+    check(pulse_step_us, bounds::pulse_step_us, "the servo's pulse step", " us", wrong);
     for (auto& sentence : calibration.validate()) wrong.push_back(std::move(sentence));
-    if (!(delay_s >= 0 && delay_s < 1)) wrong.emplace_back("the servo delay must be between 0 and 1000 ms");
-    if (!(slew_rad_per_s > 0.1 && slew_rad_per_s < 100))
-        wrong.emplace_back("the servo's slew rate must be between 0.1 and 100 rad/s");
+    check(delay_s, bounds::delay_s, "the servo's delay", " s", wrong);
+    check(slew_rad_per_s, bounds::slew_rad_per_s, "the servo's slew rate", " rad/s", wrong);
     return wrong;
 }
 

@@ -6,6 +6,7 @@
 
 #include "devices/drivers/driver.h"
 #include "devices/drivers/servo.h"
+#include "devices/range.h"
 
 namespace palpate {
 
@@ -16,6 +17,11 @@ struct ServoModel {
     double slew_rad_per_s = 8.7;  ///< 60 degrees in 0.12 s
     std::vector<std::string> validate() const;
 };
+
+/// Bounds of these; validate() and readers of files hold to them alone.
+namespace servo_model_bounds {
+inline constexpr Range pulse_step_us{0.01, 50}, delay_s{0, 0.999}, slew_rad_per_s{0.11, 99};
+}
 
 std::unique_ptr<Driver> make_simulated_driver(const ServoModel& servo, const Coordinates& start);
 

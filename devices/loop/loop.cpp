@@ -10,9 +10,8 @@ namespace palpate {
 
 std::vector<std::string> SlewLimits::validate() const {
     std::vector<std::string> wrong;
-    if (!(velocity > 0.01 && velocity <= 50)) wrong.emplace_back("the slew velocity must be between 0.01 and 50 rad/s");
-    if (!(acceleration > 0.1 && acceleration <= 10000))
-        wrong.emplace_back("the slew acceleration must be between 0.1 and 10000 rad/s^2");
+    check(velocity, slew_bounds::velocity, "the slew velocity", " rad/s", wrong);
+    check(acceleration, slew_bounds::acceleration, "the slew acceleration", " rad/s^2", wrong);
     return wrong;
 }
 

@@ -10,6 +10,7 @@
 #include "devices/loop/command.h"
 #include "devices/loop/histogram.h"
 #include "devices/loop/pose_stamps.h"
+#include "devices/range.h"
 
 namespace palpate {
 
@@ -18,6 +19,11 @@ struct SlewLimits {
     double acceleration = 200.0;  ///< [rad/s^2]
     std::vector<std::string> validate() const;
 };
+
+/// Bounds of these; validate() and readers of files hold to them alone.
+namespace slew_bounds {
+inline constexpr Range velocity{0.011, 50}, acceleration{0.11, 10000};
+}
 
 /// The last function before the wire. From the angles and speeds sent last, one period of dt towards
 /// `target`: always finite, inside [min, max], inside the limits, and able to stop in time.

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/math/range.h"
+#include "devices/range.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/math/range.h"
+#include "devices/range.h"
 
 namespace palpate {
 

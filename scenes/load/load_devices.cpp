@@ -301,18 +301,22 @@ void read_thimble_loop(Section s, Scene& scene) {
     ThimbleLoopSettings& loop = scene.loop;
     s.number("period_ms", loop.period, unit::ms, {1, 1000}, "Time from one command to the next.",
              Likely{5, 100, "s", ""});
-    s.number("velocity_rad_per_s", loop.limits.velocity, unit::rad_per_s, {0.011, 50},
+    s.number("velocity_rad_per_s", loop.limits.velocity, unit::rad_per_s, slew_bounds::velocity,
              "Fastest that a joint is ever sent.");
-    s.number("acceleration_rad_per_s2", loop.limits.acceleration, unit::rad_per_s2, {0.11, 10000},
+    s.number("acceleration_rad_per_s2", loop.limits.acceleration, unit::rad_per_s2, slew_bounds::acceleration,
              "Largest change of that speed.");
-    s.number("touch_velocity_rad_per_s", loop.touch_velocity, unit::rad_per_s, {0, 50},
+    s.number("touch_velocity_rad_per_s", loop.touch_velocity, unit::rad_per_s, {0, slew_bounds::velocity.high},
              "Fastest that a joint approaches a first contact; 0: as fast as ever.");
     if (Section servo = s.table("servo", "Simulated servos.")) {
         ServoModel& m = scene.servo;
-        servo.number("pulse_step_us", m.pulse_step_us, unit::us, {0.01, 50}, "Resolution of the pulse.");
-        servo.number("us_per_rad", m.calibration.units_per_rad, unit::us_per_rad, {51, 5000}, "Pulse per angle.");
-        servo.number("delay_ms", m.delay_s, unit::ms, {0, 999}, "The pulse that is read is that old.");
-        servo.number("slew_rad_per_s", m.slew_rad_per_s, unit::rad_per_s, {0.11, 99}, "Its own largest speed.");
+        servo.number("pulse_step_us", m.pulse_step_us, unit::us, servo_model_bounds::pulse_step_us,
+                     "Resolution of the pulse.");
+        servo.number("us_per_rad", m.calibration.units_per_rad, unit::us_per_rad, servo_bounds::units_per_rad,
+                     "Pulse per angle.");
+        servo.number("delay_ms", m.delay_s, unit::ms, in(unit::ms, servo_model_bounds::delay_s),
+                     "The pulse that is read is that old.");
+        servo.number("slew_rad_per_s", m.slew_rad_per_s, unit::rad_per_s, servo_model_bounds::slew_rad_per_s,
+                     "Its own largest speed.");
         servo.finish();
     }
     s.finish();
@@ -335,11 +339,11 @@ ServoKeys read_servo_keys(Section& s, bool ticks) {
     const Unit& slope = ticks ? unit::ticks_per_rad : unit::us_per_rad;
     k.keys = {"zero_" + name, name + "_per_rad", "min_" + name, "max_" + name};
     const auto usual = ticks ? std::nullopt : std::optional<Likely>(Likely{0, 2600, "", "ticks"});
-    s.number(k.keys[0], v.zero, one, {0, 16000}, "At joint angle 0.", usual);
-    s.number(k.keys[1], v.units_per_rad, slope, {-5000, 5000},
+    s.number(k.keys[0], v.zero, one, servo_bounds::units, "At joint angle 0.", usual);
+    s.number(k.keys[1], v.units_per_rad, slope, {-servo_bounds::units_per_rad.high, servo_bounds::units_per_rad.high},
              "Per joint angle; negative where the servo turns the other way.");
-    s.number(k.keys[2], v.min, one, {0, 16000}, "Least that may ever be sent.");
-    s.number(k.keys[3], v.max, one, {0, 16000}, "Most that may ever be sent.", usual);
+    s.number(k.keys[2], v.min, one, servo_bounds::units, "Least that may ever be sent.");
+    s.number(k.keys[3], v.max, one, servo_bounds::units, "Most that may ever be sent.", usual);
     return k;
 }
 
@@ -358,10 +362,11 @@ ThimbleCalibration read_calibration_keys(Section& root) {
             if (s.has(key) && root.sound("unit"))
                 s.complain(key, std::string("the file's unit is ") + (c.ticks ? "ticks" : "us"));
         ServoCalibration v = c.ticks ? in_ticks.values : in_us.values;
-        s.number("torque_per_Nm", v.torque_per_Nm, unit::per_Nm, {0, 1e5},
+        s.number("torque_per_Nm", v.torque_per_Nm, unit::per_Nm, servo_bounds::torque_per_Nm,
                  "Torque limit of 1 N m, in the servo's units; 0: it has none. By default a Dynamixel's where the unit "
                  "is ticks.");
-        s.number("torque_max", v.torque_max, unit::one, {0, 32000}, "Most that may ever be sent as torque limit.");
+        s.number("torque_max", v.torque_max, unit::one, servo_bounds::torque_max,
+                 "Most that may ever be sent as torque limit.");
         if (s.sound(in_us.keys[0]))
             if (const auto wrong = v.validate(); !wrong.empty())
                 s.complain_as_found(c.ticks ? in_ticks.keys[0] : in_us.keys[0], wrong);

@@ -30,7 +30,7 @@ void govern(Governor& g, double step_seconds) {
     constexpr double dearer[] = {2.5, 3.5, 4};
     constexpr int longest_patience = 120000;
     ++g.steps[std::size_t(g.preset)];
-    ++g.calm;
+    ++g.in_time;
     ++g.since_up;
     g.longest = std::max(g.longest, step_seconds);
     if (step_seconds > g.deadline) {
@@ -40,17 +40,17 @@ void govern(Governor& g, double step_seconds) {
             --g.preset;
             ++g.changes;
         }
-        g.calm = 0;
+        g.in_time = 0;
         g.longest = 0;
         return;
     }
-    if (g.calm < g.patience) return;
+    if (g.in_time < g.patience) return;
     if (g.preset < g.highest && dearer[g.preset] * g.longest < g.deadline) {
         ++g.preset;
         ++g.changes;
         g.since_up = 0;
     }
-    g.calm = 0;
+    g.in_time = 0;
     g.longest = 0;
 }
 

@@ -24,7 +24,7 @@ struct Governor {
     int highest = 0;         ///< preset that the scene asks for
     int preset = 0;          ///< of the next step
     int patience = 200;      ///< steps with slack before one up
-    int calm = 0;            ///< steps since the last missed deadline or change
+    int in_time = 0;         ///< steps since the last missed deadline or change
     double longest = 0;      ///< of these [s]
     int since_up = 1 << 30;  ///< steps since the last one up
     std::int64_t missed = 0, changes = 0;

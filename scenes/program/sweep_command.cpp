@@ -16,7 +16,7 @@
 #include "scenes/program/version.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/budget.h"
-#include "scenes/studies/shards.h"
+#include "scenes/studies/processes.h"
 #include "scenes/studies/sweep.h"
 
 namespace palpate {
@@ -185,13 +185,13 @@ constexpr double period = 0.02;  // of the samples that are compared: that of a 
 
 /// Runs this process's share of the points but for those that are `done`, each row to `out` as it comes. All its rows.
 std::string run_share(const SweepArguments& a, const SweepPlan& plan, const References& references,
-                      const Shards& shards, std::map<std::vector<std::string>, SweepPoint>& done, std::ofstream& out,
-                      const std::atomic<bool>& stop) {
+                      const Processes& processes, std::map<std::vector<std::string>, SweepPoint>& done,
+                      std::ofstream& out, const std::atomic<bool>& stop) {
     const auto& all = plan.points;
     const auto start = std::chrono::steady_clock::now();
     std::size_t run_now = 0;
     std::string mine;
-    for (std::size_t k = std::size_t(shards.rank); k < all.size() && !stop; k += std::size_t(shards.size)) {
+    for (std::size_t k = std::size_t(processes.rank); k < all.size() && !stop; k += std::size_t(processes.size)) {
         auto it = done.find(all[k]);
         if (it == done.end()) {
             SweepTrace trace;
@@ -208,7 +208,7 @@ std::string run_share(const SweepArguments& a, const SweepPlan& plan, const Refe
             const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
             if (!a.quiet && isatty(STDERR_FILENO))
                 std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
-                             elapsed / double(run_now) * double(all.size() - k - 1) / shards.size);
+                             elapsed / double(run_now) * double(all.size() - k - 1) / processes.size);
         }
         mine += row_of(it->second) + "\n";
     }
@@ -247,9 +247,9 @@ References solve_references(const SweepArguments& a, const SweepPlan& plan, cons
 
 int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     // Each process of mpirun takes its share of the points, and the first one merges what they found.
-    const Shards shards = join_shards();
+    const Processes processes = join_processes();
     SweepArguments a = asked;
-    a.quiet = a.quiet || shards.rank != 0;
+    a.quiet = a.quiet || processes.rank != 0;
     const Scene scene = load_scene(a.scene, a.overrides);
     const SweepPlan plan = checked_plan(a, scene);
     const std::filesystem::path folder =
@@ -261,7 +261,7 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     std::string header;
     for (const std::string& key : plan.keys) header += key + ",";
     header += columns;
-    const auto file = folder / (shards.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(shards.rank) + ".csv");
+    const auto file = folder / (processes.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(processes.rank) + ".csv");
     auto done = read_rows(file, header, plan.keys.size());
     std::ofstream out(file, done.empty() ? std::ios::trunc : std::ios::app);
     if (!out) throw InputError(file.string() + ": cannot be written");
@@ -271,12 +271,12 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     out.flush();
 
     const References references = solve_references(a, plan, stop);
-    const std::string mine = run_share(a, plan, references, shards, done, out, stop);
+    const std::string mine = run_share(a, plan, references, processes, done, out, stop);
     if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
-    if (stop && shards.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
-    const auto texts = gather(shards, mine);
+    if (stop && processes.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
+    const auto texts = gather(processes, mine);
     if (stop) return 130;
-    if (shards.rank != 0) {
+    if (processes.rank != 0) {
         out.close();
         std::filesystem::remove(file);
         return 0;

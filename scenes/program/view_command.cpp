@@ -73,7 +73,7 @@ struct LiveRun {
     std::shared_ptr<LiveHands> hands{};  ///< null: fingers follow the scene's recording
     std::vector<std::string> overrides = arguments.overrides;
     std::unique_ptr<Simulation> simulation{};
-    std::unique_ptr<FeltThread> felt{};
+    std::unique_ptr<RenderedPadsThread> rendered_pads{};
     bool paused = false;
     int single_steps = 0;
     double speed = 1;
@@ -96,7 +96,7 @@ struct LiveRun {
         const bool stays_armed = goes_on || (simulation && keep_armed(*simulation, *fresh));
         if (!stays_armed && simulation) disarm(*simulation);
         simulation = std::move(fresh);  // the old one's controllers are free again
-        felt = std::make_unique<FeltThread>(*simulation);
+        rendered_pads = std::make_unique<RenderedPadsThread>(*simulation);
         text = data["scene"];
         if (!goes_on) open_outside();
         if (goes_on && record) record->change_settings(*simulation, overrides);
@@ -257,7 +257,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         const auto now = Clock::now();
         if (now >= next_frame || single) {
             frame.clear();
-            append_frame(frame, *live.simulation, live.felt->ask(*live.simulation), longest_us);
+            append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), longest_us);
             live.tell_faults();
             live.tell_silence();
             server.publish(frame);

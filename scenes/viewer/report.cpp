@@ -41,8 +41,8 @@ void replace(std::string& page, const std::string& mark, std::string_view text) 
 void ReportRecorder::record(const Simulation& s) {
     longest_us_ = std::max(longest_us_, 1e6 * s.world.profile.total());
     if (s.world.time + 1e-9 < next_) return;
-    if (!felt_) felt_ = std::make_unique<FeltPads>(s);
-    append_frame(frames_, s, felt_->solve(s), longest_us_);
+    if (!rendered_pads_) rendered_pads_ = std::make_unique<RenderedPads>(s);
+    append_frame(frames_, s, rendered_pads_->solve(s), longest_us_);
     ++count_;
     longest_us_ = 0;
     next_ = s.world.time + 1 / rate_;

@@ -20,7 +20,7 @@ class ReportRecorder {
   private:
     double rate_, next_ = 0, longest_us_ = 0;
     std::vector<std::uint8_t> frames_;
-    std::unique_ptr<FeltPads> felt_;
+    std::unique_ptr<RenderedPads> rendered_pads_;
     int count_ = 0;
 };
 

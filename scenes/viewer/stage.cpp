@@ -125,16 +125,16 @@ void append_thimble(std::vector<std::uint8_t>& out, const Matching& m) {
         }
 }
 
-void append_felt(std::vector<std::uint8_t>& out, const TetMesh& mesh, const ContactSurface& wanted,
-                 const FeltPad& felt) {
-    const std::vector<double> pressure = pressures(mesh, felt.force, wanted.area);
-    put(out, float(felt.normal_force));
+void append_rendered(std::vector<std::uint8_t>& out, const TetMesh& mesh, const ContactSurface& wanted,
+                     const RenderedPad& pad) {
+    const std::vector<double> pressure = pressures(mesh, pad.force, wanted.area);
+    put(out, float(pad.normal_force));
     for (int i : skin_nodes(mesh)) {
-        const Point& x = felt.position[std::size_t(i)];
+        const Point& x = pad.position[std::size_t(i)];
         put_node(out, {x[0], x[1], x[2]}, pressure[std::size_t(i)]);
     }
     for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
-        put(out, std::uint8_t((wanted.touches[k] ? 1 : 0) | (felt.touches[k] ? 2 : 0)));
+        put(out, std::uint8_t((wanted.touches[k] ? 1 : 0) | (pad.touches[k] ? 2 : 0)));
 }
 
 nlohmann::json finger_json(const Skin& skin) {
@@ -193,7 +193,7 @@ nlohmann::json stage_of(const Simulation& s) {
     return stage;
 }
 
-void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std::vector<FeltPad>& felt,
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std::vector<RenderedPad>& rendered_pads,
                   double longest_step_us) {
     put_floats(out, {s.world.time, longest_step_us});
     for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
@@ -201,7 +201,8 @@ void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std
     for (std::size_t t = 0; t < s.world.matchings.size(); ++t) {
         const Matching& m = s.world.matchings[t];
         append_thimble(out, m);
-        append_felt(out, s.world.skins.find(m.finger)->mesh, *s.world.contact_surfaces.find(m.finger), felt[t]);
+        append_rendered(out, s.world.skins.find(m.finger)->mesh, *s.world.contact_surfaces.find(m.finger),
+                        rendered_pads[t]);
     }
 }
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "scenes/run/simulation.h"
-#include "scenes/viewer/felt.h"
+#include "scenes/viewer/rendered_pads.h"
 
 namespace palpate {
 
@@ -21,7 +21,7 @@ nlohmann::json stage_of(const Simulation& simulation);
 /// joint angles f32, matching residual f32 [m], contact u32, points of its links i16 [10 um, finger frame]; of the pad
 /// on its platform: force f32 [N], per skin node x, y, z i16 [2 um, bone frame] and pressure u16 [0.01 kPa], per sample
 /// u8: 1 where it touches the object, plus 2 where it touches the platform.
-void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation, const std::vector<FeltPad>& felt,
-                  double longest_step_us);
+void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation,
+                  const std::vector<RenderedPad>& rendered_pads, double longest_step_us);
 
 }  // namespace palpate

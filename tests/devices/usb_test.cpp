@@ -107,8 +107,8 @@ class Usb : public ::testing::Test {
             last[t.channel] = t;
         }
     }
-    /// Nobody has re-armed: nothing is told to a board that was unplugged, or whose watchdog has bitten `grace` ago, but
-    /// for `underway` transfers that a stopped program had begun.
+    /// Nobody has re-armed: nothing is told to a board that was unplugged, or whose watchdog has bitten `grace` ago,
+    /// but for `underway` transfers that a stopped program had begun.
     static void expect_latched(const std::vector<Target>& all, double grace, int underway = 0) {
         double faulted = HUGE_VAL;
         for (const Target& t : all) {
@@ -405,7 +405,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
 }
 
 TEST_F(Usb, AnySequenceOfFaultsStaysSafe) {
-    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 100;
+    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 40;
     const std::string file = scene(5, 0.35);
     for (int seed = 1; seed <= runs; ++seed) {
         const Outcome o =
@@ -419,7 +419,7 @@ TEST_F(Usb, AnySequenceOfFaultsStaysSafe) {
 }
 
 TEST_F(Usb, AnySequenceOfFaultsStaysSafeWhereAPersonReArmsAtOnce) {
-    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 40;
+    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 20;
     for (int seed = 1; seed <= runs; ++seed) {
         const Outcome o = emulate("--random-faults " + std::to_string(seed) + " --replug-ms 60" + logged(),
                                   probe + " --seconds 0.9 --rearm 1");

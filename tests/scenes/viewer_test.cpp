@@ -39,8 +39,8 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     for (int k = 0; k < 40; ++k) advance(s);  // the thimble has followed
     const nlohmann::json stage = stage_of(s);
     std::vector<std::uint8_t> frame;
-    FeltPads pads(s);
-    const std::vector<FeltPad>& felt = pads.solve(s);
+    RenderedPads pads(s);
+    const std::vector<RenderedPad>& felt = pads.solve(s);
     append_frame(frame, s, felt, 123);
     const auto& finger = stage["fingers"][0];
     const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();

@@ -1,4 +1,4 @@
-#include "scenes/studies/shards.h"
+#include "scenes/studies/processes.h"
 
 #include <cstdlib>
 
@@ -17,8 +17,8 @@ bool launched() { return std::getenv("OMPI_COMM_WORLD_SIZE") || std::getenv("PMI
 
 }  // namespace
 
-Shards join_shards() {
-    Shards s;
+Processes join_processes() {
+    Processes s;
     int started = 0;
     MPI_Initialized(&started);
     if (!started && launched()) {
@@ -32,7 +32,7 @@ Shards join_shards() {
     return s;
 }
 
-std::vector<std::string> gather(const Shards& s, const std::string& text) {
+std::vector<std::string> gather(const Processes& s, const std::string& text) {
     if (s.size == 1) return {text};
     const int mine = int(text.size());
     std::vector<int> sizes(std::size_t(s.size), 0), starts(std::size_t(s.size), 0);
@@ -50,8 +50,8 @@ std::vector<std::string> gather(const Shards& s, const std::string& text) {
 
 #else
 
-Shards join_shards() { return {}; }
-std::vector<std::string> gather(const Shards&, const std::string& text) { return {text}; }
+Processes join_processes() { return {}; }
+std::vector<std::string> gather(const Processes&, const std::string& text) { return {text}; }
 
 #endif
 

@@ -7,13 +7,13 @@
 
 namespace palpate {
 
-struct Shards {
+struct Processes {
     int rank = 0, size = 1;
 };
 
 /// Joins the others where mpirun has started this process. To be called once; the end of the process leaves them.
-Shards join_shards();
+Processes join_processes();
 /// Everyone's text, by rank, in the process with rank 0; empty in others.
-std::vector<std::string> gather(const Shards& shards, const std::string& text);
+std::vector<std::string> gather(const Processes& processes, const std::string& text);
 
 }  // namespace palpate

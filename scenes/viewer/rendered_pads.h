@@ -10,7 +10,7 @@
 namespace palpate {
 
 /// One finger's pad on its platform.
-struct FeltPad {
+struct RenderedPad {
     std::vector<Point> position;      ///< [node], bone frame [m]
     std::vector<Vec3<double>> force;  ///< [sample], finger frame [N]
     std::vector<char> touches;        ///< [sample]
@@ -19,33 +19,33 @@ struct FeltPad {
 };
 
 /// Pads on platforms of all thimbles of a run, one after the other.
-class FeltPads {
+class RenderedPads {
   public:
-    explicit FeltPads(const Simulation& simulation);
+    explicit RenderedPads(const Simulation& simulation);
     /// Solves every thimble's pad in the configuration that its last match gave.
-    const std::vector<FeltPad>& solve(const Simulation& simulation);
-    /// The same where only the configurations are known; `rendered` as FeltPad has it.
-    const std::vector<FeltPad>& solve(const std::vector<Coordinates>& w, const std::vector<char>& rendered);
+    const std::vector<RenderedPad>& solve(const Simulation& simulation);
+    /// The same where only the configurations are known; `rendered` as RenderedPad has it.
+    const std::vector<RenderedPad>& solve(const std::vector<Coordinates>& w, const std::vector<char>& rendered);
 
   private:
     std::vector<DeviceModel> models_;
     std::vector<PadOnPlatform> pads_;
-    std::vector<FeltPad> felt_;
+    std::vector<RenderedPad> rendered_pads_;
     Threads threads_{1};
 };
 
 /// Does it on a thread of low priority, so that a live run waits for nothing: what comes back is a little old.
-class FeltThread {
+class RenderedPadsThread {
   public:
-    explicit FeltThread(const Simulation& simulation);
-    ~FeltThread();
+    explicit RenderedPadsThread(const Simulation& simulation);
+    ~RenderedPadsThread();
     /// Asks for the pads as they are now, and returns the newest that are ready.
-    const std::vector<FeltPad>& ask(const Simulation& simulation);
+    const std::vector<RenderedPad>& ask(const Simulation& simulation);
 
   private:
     void serve();
-    FeltPads pads_;
-    std::vector<FeltPad> newest_, ready_;
+    RenderedPads pads_;
+    std::vector<RenderedPad> newest_, ready_;
     std::vector<Coordinates> wanted_;
     std::vector<char> rendered_;
     bool asked_ = false, fresh_ = false, ending_ = false;
