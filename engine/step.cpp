@@ -29,7 +29,8 @@ void step(World& w, Threads& threads) {
     timed(p.gather_lanes, [&] { gather_lanes(w.skins, w.chunks); });
     timed(p.solve_skin, [&] { solve_skins(w.solver, threads, w.chunks); });
     timed(p.solve_bodies, [&] {
-        solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, threads, w.shapes, w.bodies, w.body_solve, w.chunks);
+        solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, threads, w.shapes, w.bodies, w.body_solve,
+                     w.chunks);
     });
     timed(p.extract_contact, [&] { extract_contact(w.skins, w.chunks, w.couplings, w.contact_surfaces); });
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });

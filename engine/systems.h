@@ -45,8 +45,8 @@ void extract_contact(const Table<Skin>& skins, const SkinChunks& chunks, Table<C
                      Table<ContactSurface>& surfaces);
 
 /// Solves the thimbles that are due, in parallel.
-void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads,
-                   Table<Matching>& matchings, Table<ForceMatcher>& force_matchers);
+void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads, Table<Matching>& matchings,
+                   Table<ForceMatcher>& force_matchers);
 
 /// Puts each fresh result into its thimble's mailbox; of a thimble whose finger's tracker is silent, one nearer to
 /// rest.

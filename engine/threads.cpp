@@ -11,8 +11,8 @@ struct Threads::Arena {
 };
 
 Threads::Threads(int count)
-    : arena_(std::make_unique<Arena>(Arena{
-          oneapi::tbb::task_arena(count > 0 ? count : int(oneapi::tbb::info::default_concurrency()))})) {}
+    : arena_(std::make_unique<Arena>(
+          Arena{oneapi::tbb::task_arena(count > 0 ? count : int(oneapi::tbb::info::default_concurrency()))})) {}
 Threads::~Threads() = default;
 
 int Threads::count() const { return arena_->arena.max_concurrency(); }

@@ -384,7 +384,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
             if (!(*pending_)[i].done) libusb_cancel_transfer((*pending_)[i].transfer);
         if (!wait_for_all(submitted, 50)) {
             abandoned_ = true;
-            pending_.release();  // see close()
+            static_cast<void>(pending_.release());  // see close()
             pending_ = std::make_unique<std::array<Pending, max_channels>>();
             return {"USB does not give the transfers to the Maestro back", true, FaultKind::silent};
         }

@@ -60,8 +60,8 @@ void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces)
 
 }  // namespace
 
-void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads,
-                   Table<Matching>& matchings, Table<ForceMatcher>& force_matchers) {
+void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads, Table<Matching>& matchings,
+                   Table<ForceMatcher>& force_matchers) {
     int due = 0;
     for (Matching& m : matchings) {
         m.fresh = time >= m.next - 1e-9;

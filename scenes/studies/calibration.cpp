@@ -355,8 +355,8 @@ std::vector<FitParameter> chosen_parameters(const FingerModel& model, const std:
 }  // namespace
 
 Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>& data,
-                      const CalibrationSettings& settings, Threads& threads,
-                      const std::atomic<bool>& stop, const std::function<void(const std::string&)>& progress) {
+                      const CalibrationSettings& settings, Threads& threads, const std::atomic<bool>& stop,
+                      const std::function<void(const std::string&)>& progress) {
     Fit fit{start, chosen_parameters(start, settings.parameters), data, settings, threads, {}};
     fit.model.spec.has_limits = true;
     auto points = spread(fit, std::max(1, 5 * settings.starts));

@@ -61,8 +61,8 @@ struct Calibration {
 /// parameter and angle, are simulated together. Throws InputError where a parameter does not exist or there are fewer
 /// points than parameters.
 Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>& data,
-                      const CalibrationSettings& settings, Threads& threads,
-                      const std::atomic<bool>& stop, const std::function<void(const std::string&)>& progress);
+                      const CalibrationSettings& settings, Threads& threads, const std::atomic<bool>& stop,
+                      const std::function<void(const std::string&)>& progress);
 
 /// How far a model is off measured curves, without fitting.
 std::vector<CurveFit> compare_with_curves(const FingerModel& model, const std::vector<MeasuredCurve>& data,

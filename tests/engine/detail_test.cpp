@@ -47,8 +47,7 @@ Pose<double> told(const Pose<double>& start, int i, int k, const Touches& touche
     return pose;
 }
 
-void advance(World& world, Threads& threads, int k, const std::vector<int>& numbers,
-             const Touches& touches) {
+void advance(World& world, Threads& threads, int k, const std::vector<int>& numbers, const Touches& touches) {
     for (std::size_t row = 0; row < world.skins.size(); ++row)
         world.tracker_poses.find(world.couplings[row].tracker)->incoming = {
             told(world.skins[row].start, numbers[row], k, touches), world.time, true};
@@ -147,7 +146,7 @@ TEST_P(Gathering, SolvesFewLanesWhereFewFingersTouch) {
     std::vector<int> numbers;
     for (int i = 0; i < fingers; ++i) {  // three that lie far apart touch, one after the other
         numbers.push_back(i);
-        touches.from.push_back(i % 16 == 5 ? 60 + 40 * (i / 16) : 1e9);
+        touches.from.push_back(i % 16 == 5 ? double(60 + 40 * (i / 16)) : 1e9);
         touches.to.push_back(2e9);
     }
     Threads threads(1);
