@@ -11,6 +11,7 @@
 // (watchdog), -2 (unplugged), -3 (plugged in). Exits as the command does.
 
 #include <linux/ioctl.h>
+#include <algorithm>
 
 #include <linux/usbdevice_fs.h>
 #include <sys/wait.h>
@@ -55,6 +56,7 @@ struct Urb {
     UMockdevIoctlData* buffer = nullptr;
     unsigned long address = 0;  ///< in the program
     int status = 0, length = 0;
+    UMockdevIoctlClient* client = nullptr;  ///< whose it is: nobody else reaps it
 };
 
 struct Bus;
@@ -254,6 +256,7 @@ gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) 
     } else if (request == USBDEVFS_SUBMITURB) {
         if (!b.present) return complete(-1, ENODEV), TRUE;
         Urb u;
+        u.client = UMOCKDEV_IOCTL_CLIENT(g_object_ref(client));  // so that its address is not another's later
         u.data = umockdev_ioctl_data_resolve(arg, 0, sizeof(usbdevfs_urb), nullptr);
         const auto* urb = reinterpret_cast<const usbdevfs_urb*>(u.data->data);
         u.address = u.data->client_addr;
@@ -269,9 +272,11 @@ gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) 
         const bool good = t->wLength == 0 && answer(b, t->bRequestType, t->bRequest, t->wValue, t->wIndex, reply);
         complete(good ? 0 : -1, good ? 0 : EPIPE);
     } else if (request == USBDEVFS_REAPURBNDELAY || request == USBDEVFS_REAPURB) {
-        if (b.finished.empty()) return complete(-1, b.present ? EAGAIN : ENODEV), TRUE;
-        Urb u = b.finished.front();
-        b.finished.pop_front();
+        const auto own =
+            std::find_if(b.finished.begin(), b.finished.end(), [&](const Urb& u) { return u.client == client; });
+        if (own == b.finished.end()) return complete(-1, b.present ? EAGAIN : ENODEV), TRUE;
+        Urb u = *own;
+        b.finished.erase(own);
         int status = u.status, length = u.length;
         umockdev_ioctl_data_update(u.data, offsetof(usbdevfs_urb, status), reinterpret_cast<guint8*>(&status),
                                    sizeof status);
@@ -282,6 +287,7 @@ gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) 
         complete(0, 0);
     } else if (request == USBDEVFS_DISCARDURB) {
         for (auto it = b.waiting.begin(); it != b.waiting.end(); ++it) {
+            if (it->client != client) continue;
             if (it->address != arg->client_addr && it->address != *reinterpret_cast<unsigned long*>(arg->data))
                 continue;
             if (it->status == 1) return complete(0, 0), TRUE;
