@@ -221,13 +221,20 @@ LinkProblem ServoBus::read_all(const Register& r, std::span<const int> ids, std:
     return complaint ? problem_of(*complaint) : problem;
 }
 
+/// Asked again where the answer is missing or another one: on a busy computer what answers the request before may come
+/// late, in its place.
 int ServoBus::ask(int id, const Register& r) {
-    std::map<int, int> values;
     const int ids[] = {id};
-    if (const auto problem = read_all(r, ids, values)) throw std::runtime_error(settings_.port + ": " + problem.text);
-    if (!values.count(id))
-        throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) + " does not tell its " + r.name);
-    return values[id];
+    std::string problem;
+    for (int attempt = 0; attempt < 4; ++attempt) {
+        if (attempt > 0) answer(Clock::now() + milliseconds(20 * attempt));  // what is late
+        std::map<int, int> values;
+        const LinkProblem found = read_all(r, ids, values);
+        if (!found && values.count(id)) return values[id];
+        problem = found ? found.text : "servo " + std::to_string(id) + " does not tell its " + r.name;
+        if (found.lost || found.kind == FaultKind::reported || found.kind == FaultKind::wrong_servo) break;
+    }
+    throw std::runtime_error(settings_.port + ": " + problem);
 }
 
 /// Writes a register of one servo, awaits its answer, and reads it back.
