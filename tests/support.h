@@ -64,7 +64,7 @@ bool eventually(Condition condition) {
 /// Root of the checkout, and the program that was built from it. (Functions, so that no object depends on where the
 /// checkout lies.)
 std::string source_dir();
-std::string program_path();
+std::string program_path();  ///< or what the environment names: PALPATE_PROGRAM, a build with sanitizers
 
 /// Folder of real inputs, beside the checkout; empty where it is absent.
 std::filesystem::path shared_data();

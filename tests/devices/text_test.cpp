@@ -4,6 +4,8 @@
 #include <pty.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <fstream>
 #include <map>
 #include <thread>
 
@@ -278,6 +280,65 @@ TEST(TextBoard, NoiseAndHostileLinesAreHarmless) {
         tick_board(sketch::board, std::uint32_t(arduino::clock_ms));
     }
     EXPECT_EQ(sketch::board.state, sketch::board_armed);
+}
+
+/// Lets the board's clock go with the computer's, but not while the computer does nothing for it.
+class RealTime {
+  public:
+    RealTime()
+        : thread_([this] {
+              using Clock = std::chrono::steady_clock;
+              for (auto last = Clock::now(); !stop_; usleep(500)) {
+                  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - last).count();
+                  last += std::chrono::milliseconds(ms);
+                  arduino::clock_ms += (unsigned long)std::min<long>(ms, 5);
+              }
+          }) {}
+    ~RealTime() {
+        stop_ = true;
+        thread_.join();
+    }
+
+  private:
+    std::atomic<bool> stop_{false};
+    std::thread thread_;
+};
+
+TEST(TextBoard, TheProgramDrivesIt) {
+    SketchBoard board;
+    const testing::ScratchFolder scratch;
+    const auto scene = scratch.path / "scene.toml", results = scratch.path / "results";
+    std::ofstream(scratch.path / "cal.toml")
+        << "[[servo]]\nzero_us = 1500\nus_per_rad = 636.62\nmin_us = 1000\nmax_us = 2000\n"
+        << "[[servo]]\nzero_us = 1500\nus_per_rad = 636.62\nmin_us = 1000\nmax_us = 2000\n"
+        << "[[servo]]\nzero_us = 1500\nus_per_rad = 636.62\nmin_us = 1000\nmax_us = 2000\n";
+    std::ofstream(scene) << "duration_s = 2\ndt_ms = 2\n[solver]\npreset = \"real-time\"\n"
+                         << "[[object]]\nname = \"table\"\nkind = \"plane\"\n"
+                         << "[[finger]]\nname = \"index\"\nelements = 100\n"
+                         << "device = { kind = \"chinello-3rrs\", driver = \"text\", port = \"" << board.port
+                         << "\", calibration = \"cal.toml\", channels = [0, 1, 2] }\n"
+                         << "track = [ { t_s = 0, position_mm = [0, 0, 9] }, { t_s = 1, position_mm = [0, 0, 6.5], "
+                         << "rotation_deg = [10, 0, 0] } ]\n";
+    const RealTime clock;
+    const std::string run =
+        testing::program_path() + " run " + scene.string() + " --arm --out " + results.string() + " 2>&1";
+    testing::Outcome o;
+    for (int attempt = 0; attempt < 4; ++attempt) {  // a computer that stands still for 0.1 s is a fault, rightly
+        o = testing::shell(run);
+        if (o.out.find(" 0 faults") != std::string::npos && o.out.find("are in their rest") != std::string::npos) break;
+    }
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_NE(o.out.find("thimbles are in their rest pose"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find(" 0 faults"), std::string::npos) << o.out;
+    board.expect_bounded(6 * 636.62);
+    {
+        const std::lock_guard lock(arduino::pulses_mutex);
+        EXPECT_GT(arduino::pulses.size(), 30u);
+    }
+    // Killed, it leaves the rest to the board: silence sends its servos home, which is to let go.
+    const testing::Outcome killed = testing::shell("sh -c '" + run + " & p=$!; sleep 1.2; kill -KILL $p; wait $p'");
+    EXPECT_EQ(killed.code, 128 + 9) << killed.out;
+    EXPECT_TRUE(eventually([&] { return board.pulse(3) == 0 && board.pulse(5) == 0 && board.pulse(6) == 0; }));
 }
 
 TEST(TextBoard, WhatIsNoSuchBoardIsRefused) {

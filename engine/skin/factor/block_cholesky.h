@@ -1,6 +1,7 @@
 #pragma once
 // Cholesky factorisation of a symmetric matrix of 3x3 blocks, over lanes: every lane is one matrix,
-// all with the same pattern. Blocks are [block][row][column][lane].
+// all with the same pattern. Blocks are [block][row][column][lane]. Left-looking by block columns (George and Liu,
+// Computer Solution of Large Sparse Positive Definite Systems, 1981, chapter 5).
 
 #include <limits>
 

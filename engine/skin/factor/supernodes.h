@@ -1,5 +1,6 @@
 #pragma once
-// Symbolic supernodal Cholesky factor: columns of nearly the same pattern, gathered into dense panels.
+// Symbolic supernodal Cholesky factor: columns of nearly the same pattern, gathered into dense panels (relaxed
+// supernodes: Ashcraft and Grimes 1989; elimination tree: Liu 1990).
 
 #include <cstddef>
 #include <vector>

@@ -1,7 +1,7 @@
 #pragma once
 // Isotropic energy densities of the deformation gradient, in the frame of its singular value
 // decomposition: elasticity, and the augmented Lagrangian of the strain limits. Value, gradient and
-// curvature stand side by side; `assemble_element` turns any of them into nodal forces and stiffness.
+// curvature stand side by side; elements.h turns any of them into nodal forces and stiffness.
 
 #include <limits>
 
