@@ -1,6 +1,7 @@
 #include "meshes/finger_shape.h"
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 #include "meshes/input_error.h"
@@ -9,14 +10,18 @@ namespace palpate {
 
 std::vector<std::string> FingerShape::validate() const {
     std::vector<std::string> wrong;
-    auto need = [&](bool ok, const char* sentence) {
-        if (!ok) wrong.emplace_back(sentence);
+    auto need = [&](double value, const shape_bounds::Bounds& bounds, const char* what, double in, const char* unit) {
+        if (value >= bounds.low && value <= bounds.high) return;
+        char text[120];
+        std::snprintf(text, sizeof text, "the %s must be between %g and %g%s", what, in * bounds.low, in * bounds.high,
+                      unit);
+        wrong.emplace_back(text);
     };
-    need(length >= 0.010 && length <= 0.060, "the length must be between 10 and 60 mm");
-    need(width >= 0.006 && width <= 0.040, "the width must be between 6 and 40 mm");
-    need(thickness >= 0.006 && thickness <= 0.035, "the thickness must be between 6 and 35 mm");
-    need(pad_bulge >= 0 && pad_bulge <= 0.5, "the pad bulge must be between 0 and 0.5");
-    need(nail_drop >= 0 && nail_drop <= 0.5, "the nail drop must be between 0 and 0.5");
+    need(length, shape_bounds::length, "length", 1e3, " mm");
+    need(width, shape_bounds::width, "width", 1e3, " mm");
+    need(thickness, shape_bounds::thickness, "thickness", 1e3, " mm");
+    need(pad_bulge, shape_bounds::pad_bulge, "pad bulge", 1, "");
+    need(nail_drop, shape_bounds::nail_drop, "nail drop", 1, "");
     return wrong;
 }
 

@@ -15,6 +15,15 @@ struct FingerShape {
     std::vector<std::string> validate() const;
 };
 
+/// Bounds of these, by their names, both included; validate() and readers of files hold to them alone.
+namespace shape_bounds {
+struct Bounds {
+    double low, high;
+};
+inline constexpr Bounds length{0.010, 0.060}, width{0.006, 0.040}, thickness{0.006, 0.035};  // [m]
+inline constexpr Bounds pad_bulge{0, 0.5}, nail_drop{0, 0.5};
+}  // namespace shape_bounds
+
 /// Finger of a median hand: "thumb", "index", "middle", "ring" or "little". Throws InputError otherwise.
 FingerShape finger_shape(const std::string& finger);
 std::vector<std::string> finger_shape_names();

@@ -19,17 +19,21 @@ const std::vector<std::string> material_names{"corotational", "st-venant-kirchho
 
 const Likely usual_young{0.5, 20000, "MPa", "Pa"};
 
+Range in_file(const Unit& unit, const shape_bounds::Bounds& bounds) { return in(unit, {bounds.low, bounds.high}); }
+
 void read_shape(Section s, FingerMeshRequest& r) {
     if (!s) return;
     if (s.in_file()) r.source = FingerMeshRequest::Source::parametric;
     std::string finger = "index";
     s.choice("finger", finger, finger_shape_names(), "Sizes to begin with, of a median hand.");
     if (s.has("finger")) r.shape = finger_shape(finger);
-    s.number("length_mm", r.shape.length, unit::mm, {10, 60}, "Cut to tip.");
-    s.number("width_mm", r.shape.width, unit::mm, {6, 40}, "Widest place.");
-    s.number("thickness_mm", r.shape.thickness, unit::mm, {6, 35}, "Pad to nail side, at the cut.");
-    s.number("pad_bulge", r.shape.pad_bulge, unit::one, {0, 0.5}, "Share by which the pad swells at its middle.");
-    s.number("nail_drop", r.shape.nail_drop, unit::one, {0, 0.5},
+    s.number("length_mm", r.shape.length, unit::mm, in_file(unit::mm, shape_bounds::length), "Cut to tip.");
+    s.number("width_mm", r.shape.width, unit::mm, in_file(unit::mm, shape_bounds::width), "Widest place.");
+    s.number("thickness_mm", r.shape.thickness, unit::mm, in_file(unit::mm, shape_bounds::thickness),
+             "Pad to nail side, at the cut.");
+    s.number("pad_bulge", r.shape.pad_bulge, unit::one, in_file(unit::one, shape_bounds::pad_bulge),
+             "Share by which the pad swells at its middle.");
+    s.number("nail_drop", r.shape.nail_drop, unit::one, in_file(unit::one, shape_bounds::nail_drop),
              "Share of the dorsal half height lost towards the tip, over the nail.");
     s.finish();
 }
