@@ -149,6 +149,7 @@ void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan,
                 r.comparison == FieldComparison::grid ? "reference with a finer mesh (fields on a grid of 3 mm)"
                                                       : "reference with a finer step",
                 100 * r.uncertainty.field, 100 * r.uncertainty.net);
+    if (const std::string unsure = doubt(r); !unsure.empty()) std::printf("  %s\n", unsure.c_str());
     std::printf("\nfastest setting below an error of the force field:\n");
     for (double most : {0.10, 0.05, 0.01}) {
         const SweepPoint* best = nullptr;

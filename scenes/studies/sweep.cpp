@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <sstream>
 
@@ -181,6 +182,18 @@ ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& p
     r.uncertainty.field += of_mesh.field, r.uncertainty.net += of_mesh.net, r.uncertainty.area += of_mesh.area;
     r.uncertainty.platform_mm += of_mesh.platform_mm;
     return r;
+}
+
+std::string doubt(const ReferenceRun& reference) {
+    const SweepErrors& u = reference.uncertainty;
+    const bool sure = u.net <= 0.02 && u.field <= 0.05;  // false for a scene without forces, too
+    if (sure) return {};
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "NOT SURE to 2 %% of the net force and 5 %% of the field: errors below %.3g %% (field) and %.3g %% "
+                  "(net) say little",
+                  300 * u.field, 300 * u.net);
+    return text;
 }
 
 bool on_front(const SweepPoint& point, const std::vector<SweepPoint>& all) {

@@ -64,6 +64,10 @@ struct ReferenceRequest {
 ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& plan, SweepReference kind,
                              const std::atomic<bool>& stop);
 
+/// What a reader must know where a reference is not sure to 2 % of the net force and 5 % of the field: errors against
+/// it are then partly its own. Empty where it is.
+std::string doubt(const ReferenceRun& reference);
+
 /// Whether no other point is both faster and closer.
 bool on_front(const SweepPoint& point, const std::vector<SweepPoint>& all);
 

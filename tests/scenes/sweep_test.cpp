@@ -25,6 +25,19 @@ std::string text_of(const std::filesystem::path& file) {
     return text.str();
 }
 
+TEST(Sweep, AReferenceThatIsNotSureSaysSo) {
+    ReferenceRun r;
+    r.uncertainty.net = 0.019, r.uncertainty.field = 0.049;
+    EXPECT_EQ(doubt(r), "");
+    r.uncertainty.net = 0.17;
+    EXPECT_NE(doubt(r).find("NOT SURE"), std::string::npos);
+    EXPECT_NE(doubt(r).find("51 % (net)"), std::string::npos) << doubt(r);
+    r.uncertainty.net = 0.01, r.uncertainty.field = 0.14;
+    EXPECT_NE(doubt(r).find("42 % (field)"), std::string::npos) << doubt(r);
+    r.uncertainty.field = std::nan("");
+    EXPECT_NE(doubt(r), "") << "nothing is known";
+}
+
 TEST(Sweep, AxesAreReadAndCombined) {
     const SweepAxis axis = parse_axis("dt_ms=1,2,5");
     EXPECT_EQ(axis.key, "dt_ms");
