@@ -33,6 +33,30 @@ struct HandleDeleter {
 using Context = std::unique_ptr<libusb_context, ContextDeleter>;
 using Handle = std::unique_ptr<libusb_device_handle, HandleDeleter>;
 
+/// libusb's word for what went wrong, and what to do about it.
+std::string usb_problem(int rc) {
+    const std::string what = libusb_strerror(rc);
+    switch (rc) {
+        case LIBUSB_ERROR_ACCESS:
+            return "no permission to open it: `palpate doctor` says how to get it";
+        case LIBUSB_ERROR_NO_DEVICE:
+            return "it was unplugged: plug it in, and look at cable and hub";
+        case LIBUSB_ERROR_BUSY:
+            return "another program uses it: end that one (Maestro Control Center, a virtual machine)";
+        case LIBUSB_ERROR_TIMEOUT:
+            return what + ": it does not answer; unplug it, plug it in again, without a hub";
+        case LIBUSB_ERROR_PIPE:
+            return what + ": it refuses a request that every Maestro knows; unplug it, plug it in again";
+        case LIBUSB_ERROR_IO:
+        case LIBUSB_ERROR_OVERFLOW:
+            return what + ": USB is disturbed; look at cable, hub and ground of the servos' supply";
+        case LIBUSB_ERROR_NO_MEM:
+            return what + ": the system has no memory left for USB; end other programs";
+        default:
+            return what + ": unplug it, plug it in again";
+    }
+}
+
 Context open_context() {
     libusb_context* raw = nullptr;
     const int rc = libusb_init(&raw);
@@ -45,7 +69,7 @@ std::vector<std::uint8_t> transfer(libusb_device_handle* handle, const Request& 
     std::vector<std::uint8_t> data(r.length);
     const int n =
         libusb_control_transfer(handle, r.type, r.request, r.value, r.index, data.data(), r.length, timeout_ms);
-    if (n < 0) throw std::runtime_error(libusb_strerror(n));
+    if (n < 0) throw std::runtime_error(usb_problem(n));
     if (n != r.length)
         throw std::runtime_error("a reply of " + std::to_string(n) + " bytes where " + std::to_string(r.length) +
                                  " were expected");
@@ -55,7 +79,7 @@ std::vector<std::uint8_t> transfer(libusb_device_handle* handle, const Request& 
 std::string string_of(libusb_device_handle* handle, std::uint8_t index) {
     unsigned char text[128];
     const int n = index ? libusb_get_string_descriptor_ascii(handle, index, text, sizeof text) : 0;
-    if (n < 0) throw std::runtime_error(libusb_strerror(n));
+    if (n < 0) throw std::runtime_error(usb_problem(n));
     return std::string(text, text + n);
 }
 
@@ -101,7 +125,7 @@ std::optional<BoardInfo> identify(libusb_device* device, Handle& handle) {
     const int rc = libusb_open(device, &raw);
     if (rc != 0) {
         info.denied = rc == LIBUSB_ERROR_ACCESS;
-        info.problem = info.denied ? "no permission to open it" : libusb_strerror(rc);
+        info.problem = usb_problem(rc);
         return info;
     }
     handle.reset(raw);
@@ -373,7 +397,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
         if (rc != 0) {
             p.done = true;
             const bool gone = rc == LIBUSB_ERROR_NO_DEVICE;
-            problem = {gone ? "the Maestro was unplugged" : libusb_strerror(rc), gone,
+            problem = {gone ? "the Maestro was unplugged" : usb_problem(rc), gone,
                        gone ? FaultKind::unplugged : FaultKind::other};
             break;
         }

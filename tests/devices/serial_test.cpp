@@ -102,10 +102,22 @@ TEST(SerialProtocols, HostileBytesAreDiscarded) {
         }
 }
 
+std::string protocol_name(const ::testing::TestParamInfo<SerialProtocol>& info) {
+    return info.param == SerialProtocol::dynamixel ? "dynamixel"
+           : info.param == SerialProtocol::feetech ? "feetech"
+                                                   : "maestro";
+}
+
 class SerialBuses : public ::testing::TestWithParam<SerialProtocol> {};
 INSTANTIATE_TEST_SUITE_P(All, SerialBuses,
                          ::testing::Values(SerialProtocol::maestro_compact, SerialProtocol::dynamixel,
-                                           SerialProtocol::feetech));
+                                           SerialProtocol::feetech),
+                         protocol_name);
+
+/// Servos that answer, and can limit their torque: hobby servos on a Maestro do neither.
+class AnsweringSerialBuses : public ::testing::TestWithParam<SerialProtocol> {};
+INSTANTIATE_TEST_SUITE_P(All, AnsweringSerialBuses,
+                         ::testing::Values(SerialProtocol::dynamixel, SerialProtocol::feetech), protocol_name);
 
 SerialBusSettings settings_for(SerialProtocol protocol, const ServoBusEmulator& bus, std::vector<int> ids) {
     SerialBusSettings settings;
@@ -170,8 +182,7 @@ TEST_P(SerialBuses, TargetsArriveAndPositionsComeBack) {
     EXPECT_EQ(board.status().fault, FaultKind::silent);
 }
 
-TEST_P(SerialBuses, TorqueLimitsArriveBeforeTargetsAndRiseSlowly) {
-    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos have no torque limit";
+TEST_P(AnsweringSerialBuses, TorqueLimitsArriveBeforeTargetsAndRiseSlowly) {
     ServoBusEmulator bus(GetParam(), {4, 5, 6});
     SerialBusSettings settings = settings_for(GetParam(), bus, {4, 5});
     settings.force_channels = {4, 5};
@@ -237,8 +248,7 @@ TEST_P(SerialBuses, OnePortHasOneDriver) {
     EXPECT_NO_THROW(Board again(make_serial_bus(settings)));
 }
 
-TEST_P(SerialBuses, ADeadServoLatchesWhileTheHandMovesOn) {
-    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+TEST_P(AnsweringSerialBuses, ADeadServoLatchesWhileTheHandMovesOn) {
     ServoBusEmulator bus(GetParam(), {4, 5, 6});
     Board board(make_serial_bus(settings_for(GetParam(), bus, {4, 5, 6})));
     for (int c : {4, 5, 6}) board.limit(c, {1000, 3000, 1e4});
@@ -261,8 +271,7 @@ TEST_P(SerialBuses, ADeadServoLatchesWhileTheHandMovesOn) {
     EXPECT_EQ(bus.goals_seen, goals) << "nothing is sent after it";
 }
 
-TEST_P(SerialBuses, WhatServosReportIsTypedAndLatches) {
-    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+TEST_P(AnsweringSerialBuses, WhatServosReportIsTypedAndLatches) {
     struct Case {
         int error, hardware;
         FaultKind kind;
@@ -287,8 +296,7 @@ TEST_P(SerialBuses, WhatServosReportIsTypedAndLatches) {
     }
 }
 
-TEST_P(SerialBuses, OneServoThatAnswersForAnotherLatches) {
-    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+TEST_P(AnsweringSerialBuses, OneServoThatAnswersForAnotherLatches) {
     for (int as : {4, 77}) {
         ServoBusEmulator bus(GetParam(), {4, 5});
         Board board(make_serial_bus(settings_for(GetParam(), bus, {4, 5})));
@@ -301,8 +309,7 @@ TEST_P(SerialBuses, OneServoThatAnswersForAnotherLatches) {
     }
 }
 
-TEST_P(SerialBuses, AServoThatDoesNotFollowLatches) {
-    if (GetParam() == SerialProtocol::maestro_compact) GTEST_SKIP() << "hobby servos do not answer";
+TEST_P(AnsweringSerialBuses, AServoThatDoesNotFollowLatches) {
     ServoBusEmulator bus(GetParam(), {4, 5});
     auto board = std::make_shared<Board>(make_serial_bus(settings_for(GetParam(), bus, {4, 5})));
     const ServoCalibration servo{2048, 651.9, 1024, 3072};

@@ -11,13 +11,12 @@
 // (watchdog), -2 (unplugged), -3 (plugged in). Exits as the command does.
 
 #include <linux/ioctl.h>
-#include <algorithm>
-
 #include <linux/usbdevice_fs.h>
 #include <sys/wait.h>
 #include <umockdev.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstddef>
