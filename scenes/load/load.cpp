@@ -91,8 +91,7 @@ void add_finger(Section& s, const FingerModel& m, FingerTemplates& templates, Sc
 }
 
 void read_fingers(Section& root, Scene& scene, const std::filesystem::path& folder, const HandSource& hands,
-                  Problems& problems) {
-    FingerTemplates templates;
+                  FingerTemplates& templates, Problems& problems) {
     const FingerModel model = read_common_finger(root);
     std::vector<std::string> names;
     for (Section& s : root.tables("finger", "A finger: its pad, what moves it, and its thimble.")) {
@@ -120,7 +119,7 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         root.complain("finger", "a scene needs at least one [[finger]]");
 }
 
-void read_scene(Section& root, Scene& scene, Problems& problems) {
+void read_scene(Section& root, Scene& scene, FingerTemplates& templates, Problems& problems) {
     const std::filesystem::path folder = scene.file.parent_path();
     scene.title = scene.file.stem().string();
     root.text("title", scene.title, "What it is called in summaries and pictures.");
@@ -136,7 +135,7 @@ void read_scene(Section& root, Scene& scene, Problems& problems) {
     const HandSource hands = read_hand_source(root, scene, folder);
     root.vector("gravity_m_per_s2", scene.spec.gravity, unit::m_per_s2, 1000, "Gravity, on bodies.");
     read_objects(root, scene, folder);
-    read_fingers(root, scene, folder, hands, problems);
+    read_fingers(root, scene, folder, hands, templates, problems);
     read_pair_frictions(root, scene);
     read_solver(root.table("solver", "How the skin is solved: accuracy against time."), scene);
     read_thimble_loop(root.table("thimbles", "What the loops of all thimbles share."), scene);
@@ -157,7 +156,8 @@ KeyInfo scene_keys() {
     Problems none;
     Section root(nullptr, "", none, &keys);
     Scene scene;
-    read_scene(root, scene, none);
+    FingerTemplates templates;
+    read_scene(root, scene, templates, none);
     return keys;
 }
 
@@ -209,7 +209,8 @@ std::string tried_for(const std::filesystem::path& name) {
 
 }  // namespace
 
-Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                 FingerTemplates* templates) {
     Scene scene;
     scene.file = file;
     Problems problems{file, {}};
@@ -217,7 +218,8 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<std::strin
     toml::table table = parse_toml(file);
     for (const std::string& o : overrides) apply_override(table, o, problems);
     Section root(&table, "", problems);
-    read_scene(root, scene, problems);
+    FingerTemplates own;
+    read_scene(root, scene, templates ? *templates : own, problems);
     // What is wrong with the whole is said where each part of it is right.
     if (problems.messages.empty()) check_boards(scene, problems);
     if (problems.messages.empty())

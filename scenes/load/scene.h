@@ -60,8 +60,10 @@ struct Scene {
 };
 
 /// Reads a scene file and builds its meshes. `overrides` are "key=value". Throws InputError with all
-/// problems at once, each with file, line, column, key, expectation and finding.
-Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
+/// problems at once, each with file, line, column, key, expectation and finding. Meshes of finger shapes are taken from
+/// `templates`, where there are any, and put there: several scenes may share them.
+Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {},
+                 FingerTemplates* templates = nullptr);
 
 /// Says warnings and notes about a scene on standard error, one a line.
 void print_warnings(const Scene& scene);

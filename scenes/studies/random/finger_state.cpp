@@ -1,23 +1,50 @@
 #include "scenes/studies/random/finger_state.h"
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace palpate {
 
 namespace {
 
-/// Lumped: a quarter of each tetrahedron to each of its nodes.
+/// Lumped: a quarter of each tetrahedron to each of its nodes. What lies wholly in the bone is the bone's.
 std::vector<double> node_masses(const TetMesh& mesh, double density) {
     std::vector<double> mass(mesh.nodes.size(), 0.0);
+    std::vector<bool> in_bone(mesh.nodes.size(), false);
+    for (int node : mesh.bone_nodes) in_bone[std::size_t(node)] = true;
     auto at = [&](int i) {
         return Vec3<double>{mesh.nodes[std::size_t(i)][0], mesh.nodes[std::size_t(i)][1],
                             mesh.nodes[std::size_t(i)][2]};
     };
     for (const auto& t : mesh.tets) {
+        if (std::all_of(t.begin(), t.end(), [&](int node) { return in_bone[std::size_t(node)]; })) continue;
         const Vec3<double> a = at(t[1]) - at(t[0]), b = at(t[2]) - at(t[0]), c = at(t[3]) - at(t[0]);
         for (int node : t) mass[std::size_t(node)] += density * std::abs(dot(a, cross(b, c))) / 24;
     }
     return mass;
+}
+
+/// Faces of one tetrahedron alone, seen from outside in the rest shape.
+std::vector<std::array<int, 3>> outer_faces(const TetMesh& mesh) {
+    std::map<std::array<int, 3>, std::array<int, 4>> once;  // face and the node across it
+    for (const auto& t : mesh.tets)
+        for (int k = 0; k < 4; ++k) {
+            std::array<int, 3> face{t[std::size_t((k + 1) % 4)], t[std::size_t((k + 2) % 4)],
+                                    t[std::size_t((k + 3) % 4)]};
+            std::sort(face.begin(), face.end());
+            if (!once.emplace(face, std::array{face[0], face[1], face[2], t[std::size_t(k)]}).second) once.erase(face);
+        }
+    auto at = [&](int i) {
+        const Point& p = mesh.nodes[std::size_t(i)];
+        return Vec3<double>{p[0], p[1], p[2]};
+    };
+    std::vector<std::array<int, 3>> faces;
+    for (const auto& [key, f] : once) {
+        const bool inward = dot(cross(at(f[1]) - at(f[0]), at(f[2]) - at(f[0])), at(f[3]) - at(f[0])) > 0;
+        faces.push_back(inward ? std::array{f[0], f[2], f[1]} : std::array{f[0], f[1], f[2]});
+    }
+    return faces;
 }
 
 }  // namespace
@@ -35,24 +62,23 @@ Vec3<double> FingerState::momentum_rate(const FingerState& before, double dt) co
     return rate;
 }
 
-double FingerState::depth_of(const Shape& shape, const Pose<double>& pose) const {
-    double deepest = 0;
+double FingerState::depth_behind_skin(const Shape& shape, const Pose<double>& pose) const {
+    constexpr double within = 2e-3, straight = 0.7;
+    double nearest = 1e300;
     for (int node : skin->mesh.pad_nodes) {
-        const Vec3<double>& x = position[std::size_t(node)];
-        Vec3<double> bone = x;
-        double nearest = 1e300;
-        for (int k : skin->mesh.bone_nodes) {
-            const Vec3<double> way = position[std::size_t(k)] - x;
-            if (dot(way, way) < nearest) nearest = dot(way, way), bone = position[std::size_t(k)];
-        }
-        const double length = norm(bone - x);
-        if (!(surface_point(shape, pose, x).distance < length)) continue;
-        for (int k = 1; k <= 12; ++k) {
-            const Vec3<double> inside = x + (k / 12.0) * (bone - x);
-            if (surface_point(shape, pose, inside).distance < -1e-4) deepest = std::max(deepest, k / 12.0 * length);
-        }
+        const SurfacePoint<double> s = surface_point(shape, pose, position[std::size_t(node)]);
+        if (s.distance > within || s.distance < -1e-4) continue;  // inside an object: another law
+        Vec3<double> outward{0, 0, 0};
+        for (const auto& f : faces)
+            if (f[0] == node || f[1] == node || f[2] == node) outward += area_vector(f);
+        if (dot(s.normal, outward) > straight * norm(outward)) nearest = std::min(nearest, s.distance);
     }
-    return deepest;
+    return nearest > within ? 0 : within - nearest;
+}
+
+Vec3<double> FingerState::area_vector(const std::array<int, 3>& f) const {
+    const Vec3<double>& a = position[std::size_t(f[0])];
+    return cross(position[std::size_t(f[1])] - a, position[std::size_t(f[2])] - a);
 }
 
 std::vector<FingerState> finger_states(const Simulation& s, const std::vector<FingerState>& before) {
@@ -62,10 +88,15 @@ std::vector<FingerState> finger_states(const Simulation& s, const std::vector<Fi
         f.skin = s.world.skins.find(s.fingers[i]);
         f.status = skin_status(s.world, s.fingers[i]);
         for (const Point& p : finger_positions(s.world, s.fingers[i])) f.position.push_back({p[0], p[1], p[2]});
-        f.mass = node_masses(f.skin->mesh, s.scene.spec.fingers[i].density);
-        if (i < before.size())
+        if (i < before.size()) {
+            f.mass = before[i].mass;
+            f.faces = before[i].faces;
             for (std::size_t k = 0; k < f.position.size(); ++k)
                 f.velocity.push_back((1 / s.world.solver.dt) * (f.position[k] - before[i].position[k]));
+        } else {
+            f.mass = node_masses(f.skin->mesh, s.scene.spec.fingers[i].density);
+            f.faces = outer_faces(f.skin->mesh);
+        }
         const ContactSurface& c = *s.world.contact_surfaces.find(s.fingers[i]);
         f.contact = c.total;
         f.normal_force = c.normal_force;

@@ -1,6 +1,7 @@
 #pragma once
 // A finger as anyone could measure it from outside: where its nodes are, and which forces it reports.
 
+#include <array>
 #include <vector>
 
 #include "scenes/run/simulation.h"
@@ -12,7 +13,8 @@ struct FingerState {
     SkinStatus status;
     std::vector<Vec3<double>> position;  ///< [node] world [m]
     std::vector<Vec3<double>> velocity;  ///< [node] from the positions of two steps [m/s]; empty in the first
-    std::vector<double> mass;            ///< [node] [kg]
+    std::vector<double> mass;            ///< [node] of the skin [kg]
+    std::vector<std::array<int, 3>> faces;  ///< of the surface, seen from outside
     Vec3<double> contact{0, 0, 0};       ///< sum of the reported contact forces on the skin [N]
     Vec3<double> reaction{0, 0, 0};      ///< sum of the bone's on it [N]
     double normal_force = 0;             ///< reported [N]
@@ -21,9 +23,11 @@ struct FingerState {
     bool finite() const;
     /// Change of the skin's momentum since the step before, per time [N].
     Vec3<double> momentum_rate(const FingerState& before, double dt) const;
-    /// How far an object reaches into the tissue [m]: the deepest of its inside met on the way from a node of the pad
-    /// to the nearest bone node, seen from the skin.
-    double depth_of(const Shape& shape, const Pose<double>& pose) const;
+    /// How far an object's surface reaches above a depth of 2 mm under the skin [m], 0 where it lies deeper or outside:
+    /// it does where its nearest point to a node of the pad lies straight inward.
+    double depth_behind_skin(const Shape& shape, const Pose<double>& pose) const;
+    /// Outward normal of a face, as long as twice its area.
+    Vec3<double> area_vector(const std::array<int, 3>& face) const;
 };
 
 /// All fingers after a step; `before` gives velocities.

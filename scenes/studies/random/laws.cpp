@@ -101,17 +101,15 @@ void check_body_balance(const Watched& v, Findings& found) {
     }
 }
 
-/// No part of an object of some size lies inside a finger: it would have passed through the skin.
+/// No object's surface lies behind a node of the skin: it would have passed through.
 void check_tunnelling(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     for (const FingerState& f : v.fingers)
-        for (const RigidShape& o : w.shapes) {
-            if (o.stiffness > 0) continue;
-            const double depth = f.depth_of(o.shape, o.pose);
-            if (depth > 2.5e-3 && f.status.converged)
-                found.add("nothing passes through skin", text("%.4f s: %s reaches %.2f mm into %s", w.time,
-                                                              o.name.c_str(), 1e3 * depth, f.skin->name.c_str()));
-        }
+        for (const RigidShape& o : w.shapes)
+            if (o.stiffness <= 0 && f.status.converged && !f.status.reset &&
+                f.depth_behind_skin(o.shape, o.pose) > 0)
+                found.add("nothing passes through skin",
+                          text("%.4f s: %s is behind the skin of %s", w.time, o.name.c_str(), f.skin->name.c_str()));
 }
 
 /// Where all hands hold still, bodies gain no energy.
@@ -270,8 +268,8 @@ void compare_step(const Scene& scene, const Trace& coarse, Findings& found) {
 
 }  // namespace
 
-std::vector<Violation> broken_laws(const std::filesystem::path& file) {
-    const Scene scene = load_scene(file);
+std::vector<Violation> broken_laws(const std::filesystem::path& file, FingerTemplates* templates) {
+    const Scene scene = load_scene(file, {}, templates);
     Findings found;
     Simulation s = make_simulation(scene, 1);
     const Trace trace = watch(s, &found);

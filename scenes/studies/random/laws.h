@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "scenes/load/finger_mesh.h"
+
 namespace palpate {
 
 struct Violation {
@@ -13,7 +15,7 @@ struct Violation {
 };
 
 /// Runs a scene file, several times where a law compares runs, and says which laws it broke. Throws InputError where it
-/// cannot be loaded.
-std::vector<Violation> broken_laws(const std::filesystem::path& scene);
+/// cannot be loaded. Meshes are taken from `templates`, where there are any, and put there.
+std::vector<Violation> broken_laws(const std::filesystem::path& scene, FingerTemplates* templates = nullptr);
 
 }  // namespace palpate

@@ -228,7 +228,6 @@ RandomScene random_scene(unsigned seed) {
     const double steps_ms[] = {0.5, 1, 2, 5, 10, 20};
     const double dt_ms = steps_ms[r.integer(0, 5)];
     const int fingers = r.chance(0.5) ? 1 : r.integer(2, r.chance(0.2) ? 10 : 5);
-    const int elements[] = {120, 180, 250};
     s.blocks.push_back({line("dt_ms = %g", dt_ms), line("duration_s = %g", 1e-3 * dt_ms * r.integer(30, 60))});
     Block solver{"[solver]",
                  line("preset = \"%s\"", r.one_of({"fast", "balanced", "accurate", "reference", "reference"}))};
@@ -239,7 +238,7 @@ RandomScene random_scene(unsigned seed) {
     if (r.chance(0.6))
         s.blocks.push_back(
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
-    const int size = elements[r.integer(0, 2)];
+    const int size = random_scene_elements[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
     if (kind < 0.4)
         draw_press(r, s, fingers, size, dt);

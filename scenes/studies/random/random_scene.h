@@ -12,6 +12,9 @@ struct RandomScene {
     std::vector<std::vector<std::string>> blocks;
 };
 
+/// Elements of its fingers' meshes.
+inline constexpr int random_scene_elements[] = {120, 180, 250};
+
 /// The same scene for the same seed, on every machine.
 RandomScene random_scene(unsigned seed);
 

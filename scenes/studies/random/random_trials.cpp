@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "meshes/input_error.h"
+#include "scenes/load/finger_mesh.h"
 #include "scenes/studies/random/shrink.h"
 
 namespace palpate {
@@ -18,10 +19,10 @@ namespace palpate {
 namespace {
 
 /// In the child: one line "law\tfound" per violation.
-[[noreturn]] void report_and_leave(const std::filesystem::path& file, int out) {
+[[noreturn]] void report_and_leave(const std::filesystem::path& file, FingerTemplates& templates, int out) {
     std::string text;
     try {
-        for (const Violation& v : broken_laws(file)) text += v.law + "\t" + v.found + "\n";
+        for (const Violation& v : broken_laws(file, &templates)) text += v.law + "\t" + v.found + "\n";
     } catch (const InputError& error) {
         text = "scenes load\t" + error.messages.front() + "\n";
     } catch (const std::exception& error) { text = std::string("nothing is thrown\t") + error.what() + "\n"; }
@@ -61,7 +62,8 @@ std::vector<Violation> parse(const std::string& text) {
 }
 
 /// The laws that a scene breaks, found out in a process of its own. No thread has been started before it is forked.
-std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::path& file, double time_limit) {
+std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::path& file, FingerTemplates& templates,
+                             double time_limit) {
     std::ofstream(file) << to_text(scene);
     int ends[2];
     if (::pipe(ends) != 0) throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
@@ -69,7 +71,7 @@ std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::pa
     if (child < 0) throw std::runtime_error(std::string("fork: ") + std::strerror(errno));
     if (child == 0) {
         ::close(ends[0]);
-        report_and_leave(file, ends[1]);
+        report_and_leave(file, templates, ends[1]);
     }
     ::close(ends[1]);
     std::string text;
@@ -85,6 +87,20 @@ std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::pa
     return all;
 }
 
+/// Meshes that random scenes are made of: built once, processes inherit them.
+FingerTemplates random_scene_meshes() {
+    FingerTemplates templates;
+    for (const char* name : {"thumb", "index", "middle", "ring", "little"})
+        for (int elements : random_scene_elements) {
+            FingerMeshRequest request;
+            request.shape = finger_shape(name);
+            request.elements = elements;
+            std::string note;
+            make_finger_mesh(request, templates, note);
+        }
+    return templates;
+}
+
 bool breaks(const std::vector<Violation>& violations, const std::string& law) {
     return std::any_of(violations.begin(), violations.end(), [&](auto& v) { return v.law == law; });
 }
@@ -93,12 +109,13 @@ bool breaks(const std::vector<Violation>& violations, const std::string& law) {
 
 void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
                        const std::function<void(const RandomTrial&)>& after_each) {
+    FingerTemplates templates = random_scene_meshes();
     for (int k = 0; k < t.count && !stop; ++k) {
         RandomTrial trial;
         trial.seed = unsigned(t.first_seed + k);
         const std::filesystem::path file = t.folder / ("random-" + std::to_string(trial.seed) + ".toml");
         RandomScene scene = random_scene(trial.seed);
-        trial.violations = judge(scene, file, t.time_limit);
+        trial.violations = judge(scene, file, templates, t.time_limit);
         if (stop) break;
         if (trial.violations.empty()) {
             std::filesystem::remove(file);
@@ -106,7 +123,7 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
             const std::string law = trial.violations.front().law;
             if (t.shrink)
                 scene = shrink_scene(scene, [&](const RandomScene& smaller) {
-                    return !stop && breaks(judge(smaller, file, t.time_limit), law);
+                    return !stop && breaks(judge(smaller, file, templates, t.time_limit), law);
                 });
             std::ofstream(file) << "# seed " << trial.seed << ": " << law << "\n# " << trial.violations.front().found
                                 << "\n"
