@@ -258,6 +258,17 @@ ContactSurface contact_surface_of(const TetMesh& mesh) {
     }
     c.force.assign(c.area.size(), {0, 0, 0});
     c.touches.assign(c.area.size(), 0);
+    c.outward.assign(c.area.size(), {0, 0, 0});
+    for (const auto& face : mesh.surface) {
+        std::array<int, 3> samples;
+        bool of_pad = true;
+        for (std::size_t k = 0; k < 3; ++k) {
+            const auto at = std::lower_bound(mesh.pad_nodes.begin(), mesh.pad_nodes.end(), face[k]);
+            of_pad = of_pad && at != mesh.pad_nodes.end() && *at == face[k];
+            samples[k] = int(at - mesh.pad_nodes.begin());
+        }
+        if (of_pad) c.faces.push_back(samples);
+    }
     c.objects.reserve(8);
     return c;
 }

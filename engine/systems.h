@@ -40,8 +40,9 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   const std::vector<PairFriction>& pair_frictions, double time, Threads& threads,
                   Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve, SkinChunks& chunks);
 
-/// Reads touching samples, forces and area of each finger from its lane.
-void extract_contact(const Table<Skin>& skins, const SkinChunks& chunks, Table<Coupling>& couplings,
+/// Reads touching samples, forces and area of each finger from its lane. Says in its status which nodes are pressed
+/// from inside, and that such a step has not converged.
+void extract_contact(const Table<Skin>& skins, SkinChunks& chunks, Table<Coupling>& couplings,
                      Table<ContactSurface>& surfaces);
 
 /// Solves the thimbles that are due, in parallel.

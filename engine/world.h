@@ -82,9 +82,13 @@ struct ContactSurface {
     std::vector<Vec3<double>> position;            ///< finger frame [m]
     std::vector<Vec3<double>> force;               ///< on the skin, world frame [N]
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
-    Vec3<double> total{0, 0, 0};                   ///< sum of forces [N]
-    double normal_force = 0;                       ///< sum of normal forces [N]
-    double touching_area = 0;                      ///< [m^2]
+    std::vector<std::array<int, 3>> faces;         ///< of the pad, three samples each, outward; written at load
+    std::vector<Vec3<double>> outward;             ///< scratch, [sample] finger frame
+    bool rough = false;                            ///< forces are far from balanced: not to be rendered
+    std::int64_t rough_steps = 0;
+    Vec3<double> total{0, 0, 0};  ///< sum of forces [N]
+    double normal_force = 0;      ///< sum of normal forces [N]
+    double touching_area = 0;     ///< [m^2]
     int touching = 0;
     std::vector<ObjectContact> objects;  ///< those near it, in the order of their rows
 };

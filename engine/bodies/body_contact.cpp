@@ -57,10 +57,11 @@ std::vector<Feature> features_of(const Shape& shape) {
 namespace {
 
 /// The point of a feature that is deepest in b, world.
-Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Shape& shape, const Pose<double>& b) {
+Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Shape& shape, const Pose<double>& b,
+                           int side) {
     const Vec3<double> middle = transform(a, f.point);
     if (f.radius <= 0) return middle;
-    const Vec3<double> n = surface_point(shape, b, middle).normal;
+    const Vec3<double> n = surface_point(shape, b, middle, side).normal;
     if (dot(f.axis, f.axis) <= 0) return middle - f.radius * n;
     const Mat3<double> R = rotation_matrix(a.rotation);
     const Vec3<double> axis = R * f.axis;
@@ -80,7 +81,9 @@ Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Shape&
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
-        const Vec3<double> point = deepest_point(features[i], a.start, *b.shape, b.start);
+        const Vec3<double> middle = inverse_transform(b.start, transform(a.start, features[i].point));
+        c.side = side_of(*b.shape, middle, c.side);
+        const Vec3<double> point = deepest_point(features[i], a.start, *b.shape, b.start, c.side);
         c.point_of_a = inverse_transform(a.start, point);
         c.point_of_b = inverse_transform(b.start, point);
     }
@@ -101,8 +104,8 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
     const Mat3<double> R = rotation_matrix(b.pose.rotation);
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
-        const Vec3<double> point = deepest_point(features[i], a.pose, *b.shape, b.pose);
-        SurfacePoint<double> surface = surface_point(*b.shape, b.pose, point);
+        const Vec3<double> point = deepest_point(features[i], a.pose, *b.shape, b.pose, c.side);
+        SurfacePoint<double> surface = surface_point(*b.shape, b.pose, point, c.side);
         c.distance = surface.distance;
         surface.distance -= c.offset;
         const ContactTerms<double> normal = normal_terms(surface, pair.penalty, c.normal_multiplier);

@@ -50,6 +50,7 @@ struct FeatureContact {
     Vec3<double> tangential_candidate{0, 0, 0};             ///< b's frame
     Vec3<double> normal_now{0, 0, 0};                       ///< b's frame
     double distance = 0;                                    ///< [m]
+    int side = 0;                                           ///< of b that it is on (sided_point)
     double approach = 0;                                    ///< speed of approach at the start [m/s]
     double offset = 0;              ///< gap at which it touches: below 0 while an overlap is being undone [m]
     double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]

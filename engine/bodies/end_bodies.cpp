@@ -127,6 +127,7 @@ void end_lanes(Work& w) {
                 c.status[lane] =
                     detail::status_of(e, w.s.islands[island_of(w, k, lane)].progress, (reset >> lane) & 1u);
             }
+            end_slots(c, w.solver);
             settle_lanes(c, w.solver);
         });
     }

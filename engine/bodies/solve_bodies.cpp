@@ -337,6 +337,29 @@ void update_all(Work& w) {
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
 
+/// What a body presses on tissue at its limits with is its inertia: multipliers, which in a short solve are updated
+/// once a step, integrate what penalties far below mass / dt^2 leave open, and push on after the body has turned back,
+/// so that it leaves with more energy than it brought. Penalties of such lanes are no lower than that.
+void stiffen_against_inertia(Work& w) {
+    if (!w.solver.inertia) return;
+    for_each_lane(w, [&](auto& c, int lane, const Island&) {
+        if (!c.has_limits || c.status[std::size_t(lane)].limited_elements == 0) return;
+        using T = std::remove_reference_t<decltype(c.state.penalty_scale[0])>;
+        double mass = 0;
+        for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+            if (const int body = c.contacts.at(slot, lane).body; body >= 0) mass = std::max(mass, w.bodies[body].mass);
+        const double inertia = mass / (w.solver.dt * w.solver.dt), kept = 0.7;  // begin_step lets them fall by so much
+        const double spacing = std::cbrt(8.5 * double(c.rest.volume[std::size_t(lane)]));
+        const double bases[] = {spacing * double(c.rest.limit_penalty[std::size_t(lane)]),
+                                double(c.rest.contact_penalty[std::size_t(lane)])};
+        for (int k = 0; k < 2; ++k) {
+            T& scale = c.state.penalty_scale[std::size_t(k * c.width + lane)];
+            const double wanted = std::min(inertia / (kept * bases[k]), sizeof(T) == 8 ? 1e5 : 4e3);
+            scale = std::max(scale, T(wanted));
+        }
+    });
+}
+
 }  // namespace
 
 void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies) {
@@ -366,12 +389,15 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
         c.exchange.lanes[lane] = {};
         i.stiffness = std::max(i.stiffness, double(c.rest.tissue_stiffness[std::size_t(lane)]));
     });
+    stiffen_against_inertia(w);
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
     while (true) {
         bool may_step = false, goes_on = false;
-        for (int i = 0; i < solve.island_count; ++i)
-            may_step |= active(solve.islands[i]) && solve.islands[i].progress.iterations < solver.newton_iterations;
+        for (int i = 0; i < solve.island_count; ++i) {
+            const auto& p = solve.islands[i].progress;
+            may_step |= active(solve.islands[i]) && p.iterations < solver.newton_iterations + p.extra;
+        }
         evaluate_all(w, may_step);
         bool retry = false, update = false, newton = false;
         for (int i = 0; i < solve.island_count; ++i) {

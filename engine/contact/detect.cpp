@@ -101,7 +101,7 @@ int detect_for_lane(const Table<RigidShape>& shapes, const Table<RigidBody>& bod
         if (was_near)
             c.contacts.at(slot, lane) = contact;
         else
-            growths += insert_contact(c, lane, slot, contact);
+            growths += insert_contact(c, lane, slot, contact), c.contacts.at(slot, lane).fresh = true;
         ++slot;
     }
     return growths;

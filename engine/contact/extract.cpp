@@ -1,10 +1,14 @@
 #include <algorithm>
 
+#include "engine/skin/solve/progress.h"
 #include "engine/systems.h"
 
 namespace palpate {
 
 namespace {
+
+/// Below such a contact force no step is too rough to be rendered [N].
+constexpr double rough_from = 0.05;
 
 template <class T>
 Vec3<double> read_vec3(const LaneArray<T>& a, std::size_t index, int width, int lane) {
@@ -39,7 +43,10 @@ Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t
         sums.friction_available += object.friction * std::max(normal_force, 0.0);
     }
     if (normal_force > 0) {
-        const Vec3<double> normal = surface_point(object.shape, object.pose, x).normal;
+        const Vec3<double> normal =
+            surface_point(object.shape, object.pose, x,
+                          int(c.state.contact_side[i * std::size_t(c.width) + std::size_t(lane)]))
+                .normal;
         force = normal_force * normal + force;
         const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
         const Vec3<double> moved = rotation_matrix(object.pose.rotation) *
@@ -61,8 +68,34 @@ bool rubs(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
     return dot(friction, friction) > 0;
 }
 
+/// Nodes that are pressed out of the finger, rather than into it: along their own outward normal. What presses there
+/// has passed through the skin.
 template <class T>
-void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out) {
+int pressed_from_inside(const SkinChunk<T>& c, int lane, ContactSurface& out) {
+    constexpr double straight = 0.7;  // skin that folds around an edge meets it from the side
+    const SkinTopology& t = *c.topology;
+    std::fill(out.outward.begin(), out.outward.end(), Vec3<double>{0, 0, 0});
+    for (const auto& f : out.faces) {
+        const Vec3<double>& a = out.position[std::size_t(f[0])];
+        const Vec3<double> area = cross(out.position[std::size_t(f[1])] - a, out.position[std::size_t(f[2])] - a);
+        for (int s : f) out.outward[std::size_t(s)] += area;
+    }
+    int wrong = 0;
+    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+        for (std::size_t s = 0; s < t.samples.size(); ++s) {
+            const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * std::size_t(c.width) + std::size_t(lane);
+            if (!(c.state.normal_multiplier[i] > 0)) continue;
+            const LaneContact& o = c.contacts.at(slot, lane);
+            const Vec3<double> x = node_position(c, t.samples[s], lane);
+            const Vec3<double> n = surface_point(o.shape, o.pose, x, int(c.state.contact_side[i])).normal;
+            const Vec3<double> outward = rotation_matrix(out.bone.rotation) * out.outward[s];
+            wrong += dot(n, outward) > straight * norm(outward);
+        }
+    return wrong;
+}
+
+template <class T>
+void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out) {
     const SkinTopology& t = *c.topology;
     const int W = c.width;
     const Pose<double> bone = lane_bone(c, lane);
@@ -71,6 +104,7 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     for (int d = 0; d < 3; ++d)
         pull[d] = double(c.scratch.bone_springs[(2 + d) * W + lane]) - double(c.state.bone[d * W + lane]);
     coupling.force_N = coupling.stiffness * norm(pull);
+    out.rough = false;
     if ((c.rigid_lanes >> lane) & 1u) return;  // it touches nothing, and did not when its skin was solved last
     out.total = {0, 0, 0};
     out.normal_force = out.touching_area = 0;
@@ -115,17 +149,23 @@ void extract(const SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface
     }
     for (std::size_t s = 0; s < S; ++s)
         if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
+    SkinStatus& status = c.status[std::size_t(lane)];
+    status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
+    if (status.wrong_sides > 0) status.converged = false;
+    out.rough = !status.converged && status.contact_force_N > rough_from &&
+                status.residual_N > detail::rough_share * status.contact_force_N;
+    out.rough_steps += out.rough;
 }
 
 }  // namespace
 
-void extract_contact(const Table<Skin>& skins, const SkinChunks& chunks, Table<Coupling>& couplings,
+void extract_contact(const Table<Skin>& skins, SkinChunks& chunks, Table<Coupling>& couplings,
                      Table<ContactSurface>& surfaces) {
     for (std::size_t row = 0; row < surfaces.size(); ++row) {
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
-        chunks.with(skin.single_precision, skin.chunk, [&](const auto& chunk) {
+        chunks.with(skin.single_precision, skin.chunk, [&](auto& chunk) {
             if (!((chunk.unchanged_lanes >> skin.lane) & 1u)) extract(chunk, skin.lane, coupling, surfaces[row]);
         });
     }

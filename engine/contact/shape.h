@@ -34,13 +34,28 @@ inline SurfacePoint<R> sphere_point(const Vec3<R>& offset, const R& radius) {
 }
 
 /// Box around the origin: outside, the distance to the nearest face, edge or corner; inside, to the
-/// nearest face.
-template <class R>
-inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half) {
-    Vec3<R> q, sign, positive;
+/// nearest face. For a point with a side (ContactSide) the box goes on for ever behind that face, and beyond its middle
+/// that face is the way out: however far a step takes the point, it stays on the side it was on.
+template <class R, bool sided = false>
+inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R& side = R(0)) {
+    using T = ScalarOf<R>;
+    Vec3<R> q, sign, positive, exit{R(0), R(0), R(0)};
+    MaskOf<R> beyond = R(1) < R(0);
+    R through(0);
     for (int i = 0; i < 3; ++i) {
         sign[i] = select(x[i] < R(0), R(-1), R(1));
-        q[i] = absolute(x[i]) - half[i];
+        R along = absolute(x[i]);
+        if constexpr (sided) {
+            const MaskOf<R> mine = absolute(absolute(side) - R(T(i + 1))) < R(T(0.5));
+            const R own = select(side < R(0), R(-1), R(1));
+            sign[i] = select(mine, own, sign[i]);
+            along = select(mine, own * x[i], along);
+            const MaskOf<R> passed = mine & (along < R(0));
+            beyond = beyond | passed;
+            exit[i] = select(passed, own, R(0));
+            through = select(passed, along - half[i], through);
+        }
+        q[i] = along - half[i];
         positive[i] = maximum(q[i], R(0));
     }
     const R outside = norm(positive);
@@ -56,18 +71,23 @@ inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half) {
     }
     Vec3<R> out;
     for (int i = 0; i < 3; ++i) out[i] = inverse * positive[i] * sign[i];
+    if constexpr (sided)
+        return {select(is_outside, outside, select(beyond, through, inside)),
+                select(is_outside, out, select(beyond, exit, face))};
     return {select(is_outside, outside, inside), select(is_outside, out, face)};
 }
 
 /// Cylinder along z: a box in the (radial, axial) half-plane.
-template <class R>
-inline SurfacePoint<R> cylinder_point(const Vec3<R>& x, const R& radius, const R& half_length) {
+template <class R, bool sided = false>
+inline SurfacePoint<R> cylinder_point(const Vec3<R>& x, const R& radius, const R& half_length, const R& side = R(0)) {
     const R rho = square_root(x.x * x.x + x.y * x.y);
     const MaskOf<R> on_axis = rho <= R(0);
     const R inverse = R(1) / select(on_axis, R(1), rho);
     const Vec3<R> radial{select(on_axis, R(1), inverse * x.x), inverse * x.y, R(0)};
     // The third extent is far inside, so that the planar distance is never decided by it.
-    const SurfacePoint<R> planar = box_point(Vec3<R>{rho, x.z, R(0)}, Vec3<R>{radius, half_length, R(1e6f)});
+    const R of_end = select(absolute(side) > R(2), select(side < R(0), R(-2), R(2)), R(0));
+    const SurfacePoint<R> planar =
+        box_point<R, sided>(Vec3<R>{rho, x.z, R(0)}, Vec3<R>{radius, half_length, R(1e6f)}, of_end);
     return {planar.distance, {planar.normal.x * radial.x, planar.normal.x * radial.y, planar.normal.y}};
 }
 
@@ -112,6 +132,21 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
     return {x.z, {R(0), R(0), R(1)}};
 }
 
+/// Whether points remember the face of such a shape that they are on: box and cylinder (its ends), which may be thin.
+inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
+
+/// The same for a point on one side of a shape that has sides: 1, 2, 3 for the faces towards +x, +y, +z, negative for
+/// the others; 0: none.
+template <class R>
+inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const Vec3<R>& x, const R& side) {
+    if (kind == ShapeKind::cylinder) return detail::cylinder_point<R, true>(x, size.x, size.y, side);
+    return detail::box_point<R, true>(x, size, side);
+}
+
+/// The side that a point at x (shape's frame) is on: where it is inside, or was pushed through, the one that it was on
+/// before; otherwise the face that it is outside of by most, or, inside, nearest to.
+int side_of(const Shape& shape, const Vec3<double>& x, int before);
+
 /// Distance and normal of the point x, both in the shape's frame. Of a mesh, the distance is exact near its surface and
 /// inside (mesh_contact_distance).
 template <class R>
@@ -132,6 +167,16 @@ inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>
     } else {
         s = local_surface_point(shape, local);
     }
+    s.normal = rotation * s.normal;
+    return s;
+}
+/// The same for a point on one side of it.
+inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>& pose, const Vec3<double>& x,
+                                          int side) {
+    if (side == 0 || !has_sides(shape.kind)) return surface_point(shape, pose, x);
+    const Mat3<double> rotation = rotation_matrix(pose.rotation);
+    SurfacePoint<double> s =
+        sided_point(shape.kind, shape.size, transposed_times(rotation, x - pose.position), double(side));
     s.normal = rotation * s.normal;
     return s;
 }

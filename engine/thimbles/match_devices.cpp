@@ -65,6 +65,7 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& 
     int due = 0;
     for (Matching& m : matchings) {
         m.fresh = time >= m.next - 1e-9;
+        if (surfaces.find(m.finger)->rough) m.fresh = false;  // waits for the next step
         if (m.fresh) m.next = (m.solves ? m.next : time) + m.period;
         if (m.fresh && m.next <= time) m.next = time + m.period;  // periods shorter than the step
         due += m.fresh;

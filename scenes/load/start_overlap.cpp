@@ -54,9 +54,33 @@ double feature_depth(const ObjectSpec& a, const ObjectSpec& b) {
     return depth;
 }
 
+/// Whether an object lies under the skin, between nodes: its nearest point to a node of the pad is straight inward.
+bool lies_inside(const FingerSpec& f, const ObjectSpec& o) {
+    constexpr double within = 1e-3, straight = 0.7;
+    std::vector<Eigen::Vector3d> outward(f.mesh.nodes.size(), Eigen::Vector3d::Zero());
+    for (const auto& t : f.mesh.surface) {
+        auto node = [&](int k) { return eigen(vec(f.mesh.nodes[std::size_t(t[std::size_t(k)])])); };
+        const Eigen::Vector3d area = (node(1) - node(0)).cross(node(2) - node(0));
+        for (int i : t) outward[std::size_t(i)] += area;
+    }
+    const Mat3<double> R = rotation_matrix(f.start.rotation);
+    return std::any_of(f.mesh.pad_nodes.begin(), f.mesh.pad_nodes.end(), [&](int i) {
+        const Vec3<double> x = transform(f.start, vec(f.mesh.nodes[std::size_t(i)]));
+        const SurfacePoint<double> s = surface_point(o.shape, o.pose, x);
+        const Eigen::Vector3d& out = outward[std::size_t(i)];
+        return s.distance >= 0 && s.distance < within &&
+               dot(s.normal, R * Vec3<double>{out.x(), out.y(), out.z()}) > straight * out.norm();
+    });
+}
+
 void check_fingers_in_objects(const Scene& scene, Problems& problems) {
     for (const FingerSpec& f : scene.spec.fingers)
         for (const ObjectSpec& o : scene.spec.objects) {
+            if (scene.tracker.empty() && lies_inside(f, o)) {
+                problems.add(nullptr, "object \"" + o.name + "\" starts inside finger \"" + f.name +
+                                          "\", under its skin: let its track begin outside");
+                continue;
+            }
             const double depth = start_depth(f, o), most = 0.5 * thickness(f.mesh);
             if (!(depth > finger_depth_said)) continue;
             const std::string what =

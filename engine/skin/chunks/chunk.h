@@ -40,13 +40,16 @@ struct SkinRest {
 /// the world: in single precision a place in the room is known to 15 nm only, which contact would feel as force.
 template <class T>
 struct SkinState {
-    LaneArray<double> origin;            ///< [xyz] [m] world, on a grid (rebase_lane)
-    LaneArray<T> position;               ///< [node][xyz] [m] from the origin
-    LaneArray<T> velocity;               ///< [node][xyz] [m/s]
-    LaneArray<T> bone;                   ///< [px py pz qw qx qy qz], position from the origin
-    LaneArray<T> bone_velocity;          ///< [linear xyz, angular xyz] [m/s, rad/s]
-    LaneArray<T> limit_multiplier;       ///< [element][3x3] Lambda [Pa]; empty without limits
-    LaneArray<T> normal_multiplier;      ///< [slot][sample] [N]
+    LaneArray<double> origin;        ///< [xyz] [m] world, on a grid (rebase_lane)
+    LaneArray<T> position;           ///< [node][xyz] [m] from the origin
+    LaneArray<T> velocity;           ///< [node][xyz] [m/s]
+    LaneArray<T> bone;               ///< [px py pz qw qx qy qz], position from the origin
+    LaneArray<T> bone_velocity;      ///< [linear xyz, angular xyz] [m/s, rad/s]
+    LaneArray<T> limit_multiplier;   ///< [element][3x3] Lambda [Pa]; empty without limits
+    LaneArray<T> normal_multiplier;  ///< [slot][sample] [N]
+    LaneArray<T> contact_side;       ///< [slot][sample] face of a box or cylinder that it is on (sided_point); 0: none
+    LaneArray<T>
+        contact_offset;  ///< [slot][sample] below 0 while an overlap is being undone: gap at which it touches [m]
     LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] in the object's frame [N]; empty without friction
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
     LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction

@@ -20,6 +20,7 @@ struct LaneContact {
     double stiffness = 0;        ///< pressure per depth of an object that gives way [Pa/m]; 0: rigid
     int body = -1;               ///< row of the body that moves it; -1: fixed or scripted
     Vec3<double> mass_centre{};  ///< of the body, in the object's frame [m]
+    bool fresh = false;          ///< was not near in the step before
 };
 
 inline constexpr int shape_kind_count = 6;  ///< of ShapeKind
@@ -31,6 +32,8 @@ struct ContactSlot {
     unsigned body_lanes = 0;                           ///< that a body moves
     unsigned soft_lanes = 0;                           ///< that gives way
     bool friction = false;                             ///< some lane rubs
+    bool sided = false;                                ///< of some lane, samples remember their side
+    bool recovers = false;                             ///< in some lane, an overlap is being undone
 };
 
 /// The slots of a chunk. Their arrays of numbers are fields of the chunk (fields.h).
@@ -48,6 +51,7 @@ struct ContactSlots {
 
 template <class T>
 struct SkinChunk;
+struct SolverSettings;
 
 /// Puts an object into slot `slot` of a lane, before those that are there, without multipliers. Allocates where the
 /// lane needs more slots than the chunk has; returns whether it did.
@@ -62,9 +66,15 @@ void erase_contact(SkinChunk<T>& chunk, int lane, int slot);
 template <class T>
 void move_contacts(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b);
 
-/// Writes what the slots hold, as kernels read it, and where: at the start of a step.
+/// Writes what the slots hold, as kernels read it, and where, and for each sample the side it is on and the overlap
+/// that it begins with: at the start of a step.
 template <class T>
-void begin_slots(SkinChunk<T>& chunk);
+void begin_slots(SkinChunk<T>& chunk, const SolverSettings& settings);
+
+/// The motion that undid overlaps is no velocity: takes it from the nodes. Such lanes have not converged, and say how
+/// deep they still are.
+template <class T>
+void end_slots(SkinChunk<T>& chunk, const SolverSettings& settings);
 
 /// Writes where the slots' objects are, as each lane sees them: after a pose or an origin has changed.
 template <class T>

@@ -95,6 +95,8 @@ void for_each_state_field(Chunk& c, Visit visit) {
     visit(s.bone_velocity, Field{state, lane, 6});
     visit(s.limit_multiplier, Field{state, lane, 9 * n.limited});
     visit(s.normal_multiplier, Field{state, slot, n.S});
+    visit(s.contact_side, Field{state, slot, n.S});
+    visit(s.contact_offset, Field{state, slot, n.S});
     visit(s.tangential_multiplier, Field{state, slot, 3 * n.rubbing});
     visit(s.friction_radius, Field{state, slot, n.rubbing});
     visit(s.friction_normal, Field{state, slot, 3 * n.rubbing});

@@ -31,7 +31,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     const R dt = R(settings.inertia ? T(settings.dt) : T(0));
     c.scratch.start_position = c.state.position;
     c.scratch.start_bone = c.state.bone;
-    begin_slots(c);
+    begin_slots(c, settings);
     const Pose<R> before = load_pose<R>(c.state.bone.data());
     const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));
     const Pose<R> bone{before.position + dt * load_vec3<R>(c.state.bone_velocity.data()),
@@ -288,6 +288,7 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
         progress.updates = double(lane(p.updates, l));
         progress.backtracks = double(lane(p.backtracks, l));
         progress.uphill = double(lane(p.uphill, l));
+        progress.extra = double(lane(p.extra, l));
         progress.converged = (converged >> l) & 1u;
         c.status[std::size_t(l)] = status_of(of_lane, progress, (reset >> l) & 1u);
     }
@@ -346,7 +347,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::keep_base<R>(c, p.active);
     Evaluation<R> e;
     while (true) {
-        const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations))));
+        const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations)) + p.extra));
         e = may_step ? evaluate<R>(c, settings, p.exactness)
                      : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
         if (c.linear.left_lanes != 0) detail::forget_energy(p, mask_from_bits<R>(c.linear.left_lanes));

@@ -43,6 +43,7 @@ struct LaneProgress {
     R last_excess, last_depth;  ///< of limits, of contacts: violation over tolerance at the last multiplier update
     R damping;                  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
     R iterations{0}, updates{0}, backtracks{0};
+    R extra{0};   ///< iterations granted beyond the budget
     R uphill{0};  ///< steps that were taken back: no halving led to less energy
 };
 
@@ -63,6 +64,10 @@ struct LaneDecision {
     MaskOf<R> retry, update, newton;
     MaskOf<R> undo;  ///< of those that retry: back to where the step began, for a direction of another length
 };
+
+/// What a step that has used its budget has not balanced by more than a tenth of the contact force would be a spike,
+/// felt and seen: it is solved on, by so many iterations at a time, and so many in all.
+inline constexpr double extra_iterations = 4, most_extra_iterations = 40, rough_share = 0.1;
 
 /// A line search halves a step so often; what leads uphill then is taken back.
 inline constexpr double smallest_step = 1.0 / 64;
@@ -99,13 +104,17 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
                                 (e.penetration <= R(T(s.contact_tolerance)));
     p.converged = p.converged | (ready & satisfied);
-    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations));
+    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations)) + p.extra;
     // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
     d.update =
         ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & (p.updates < R(T(4 * s.newton_iterations)));
     const MaskOf<R> first = p.iterations <= R(0);
     d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
-    p.active = d.retry | d.update | d.newton;
+    // It evaluates again, with a matrix.
+    const MaskOf<R> rough = (e.contact_force > e.force_floor) & (residual > R(T(rough_share)) * e.contact_force);
+    const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget & rough & (p.extra < R(T(most_extra_iterations)));
+    p.extra += select(goes_on, R(T(extra_iterations)), R(0));
+    p.active = d.retry | d.update | d.newton | goes_on;
     return d;
 }
 
@@ -194,6 +203,7 @@ inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<doub
     s.multiplier_updates = int(p.updates);
     s.backtracks = int(p.backtracks);
     s.uphill_steps = int(p.uphill);
+    s.extra_iterations = int(p.extra);
     s.converged = p.converged;
     s.reset = reset;
     if (reset) return s;

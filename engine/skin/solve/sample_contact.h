@@ -69,9 +69,16 @@ inline SurfacePoint<R> mesh_points(const SkinChunk<ScalarOf<R>>& c, int slot, co
     return {load<R>(values), {load<R>(values + W), load<R>(values + 2 * W), load<R>(values + 3 * W)}};
 }
 
-/// Distance and normal of the slot's objects at x, which is in their frames; a metre away where a lane has none.
 template <class R>
-inline SurfacePoint<R> slot_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, const Vec3<R>& x) {
+inline bool lanes_recover(const Slot<R>& slot) {
+    return slot.lanes->recovers;
+}
+
+/// Distance and normal of the slot's objects at x, which is in their frames; a metre away where a lane has none.
+/// `sample` counts samples over all slots.
+template <class R>
+inline SurfacePoint<R> slot_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, std::size_t sample,
+                                    const Vec3<R>& x) {
     using T = ScalarOf<R>;
     const ContactSlot& lanes = *slot.lanes;
     SurfacePoint<R> nearest{R(T(1)), {R(T(0)), R(T(0)), R(T(1))}};
@@ -80,7 +87,9 @@ inline SurfacePoint<R> slot_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<
         if (here == 0) continue;
         const ShapeKind kind = ShapeKind(k);
         const SurfacePoint<R> p =
-            kind == ShapeKind::mesh ? mesh_points<R>(c, slot.index, x) : primitive_point(kind, slot.size, x);
+            kind == ShapeKind::mesh ? mesh_points<R>(c, slot.index, x)
+            : has_sides(kind) ? sided_point(kind, slot.size, x, load<R>(&c.state.contact_side[sample * lane_width<R>]))
+                              : primitive_point(kind, slot.size, x);
         if (slot.all_here && here == lanes.lanes) return p;
         const R of_lane = load<R>(&c.scratch.slot_kind[std::size_t(slot.index) * lane_width<R>]);
         const MaskOf<R> mine = absolute(of_lane - R(T(k))) < R(T(0.5));
@@ -110,7 +119,8 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, const Sl
     const Vec3<R> zero{R(0), R(0), R(0)};
     SampleContact<R> out;
     const Vec3<R> local = transposed_times(slot.rotation, x - slot.position);
-    out.surface = slot_surface(c, slot, local);
+    out.surface = slot_surface(c, slot, i, local);
+    if (lanes_recover(slot)) out.surface.distance -= load<R>(&c.state.contact_offset[i * W]);
     out.local_normal = out.surface.normal;
     if (s >= c.topology->samples.size() && (c.fine_lanes & c.used_lanes) != c.used_lanes)
         out.surface.distance = select(mask_from_bits<R>(c.fine_lanes), out.surface.distance, R(T(1)));

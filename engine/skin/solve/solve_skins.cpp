@@ -16,6 +16,7 @@ void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
     if (near_a_body(c)) return;
     if (active_lanes(c) != 0) {
         solve_skin(c, solver);
+        end_slots(c, solver);
         settle_lanes(c, solver);
     }
 }

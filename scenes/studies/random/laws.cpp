@@ -106,8 +106,7 @@ void check_tunnelling(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     for (const FingerState& f : v.fingers)
         for (const RigidShape& o : w.shapes)
-            if (o.stiffness <= 0 && f.status.converged && !f.status.reset &&
-                f.depth_behind_skin(o.shape, o.pose) > 0)
+            if (o.stiffness <= 0 && f.status.converged && !f.status.reset && f.depth_behind_skin(o.shape, o.pose) > 0)
                 found.add("nothing passes through skin",
                           text("%.4f s: %s is behind the skin of %s", w.time, o.name.c_str(), f.skin->name.c_str()));
 }

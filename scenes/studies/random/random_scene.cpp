@@ -90,7 +90,7 @@ std::string keyframe(double t, double x, double y, double z, double roll, double
 
 /// Down onto something whose top is at `top`, aside, and up again or not. Pads lie some 7 mm below a finger's origin.
 void add_press(Random& r, Block& b, double x, double y, double top, double dt) {
-    const double above = top + r.between(8.8, 10), depth = r.between(0.3, 3.5), pitch = r.between(-20, 20);
+    const double above = top + r.between(12, 14), depth = r.between(0.3, 3.5), pitch = r.between(-20, 20);
     const double down = dt * r.integer(4, 15), roll = r.between(-15, 15);
     b.emplace_back("track = [");
     b.push_back(keyframe(0, x, y, above, roll, pitch));
