@@ -252,6 +252,13 @@ TEST(Derivatives, Coupling) {
     }
 }
 
+/// Settings under which no overlap is undone.
+SolverSettings at_rest() {
+    SolverSettings s;
+    s.inertia = false;
+    return s;
+}
+
 /// A chunk in a scrambled state with limits, contact, friction and bone.
 SkinChunk<double> scrambled_chunk(int sample_refinement = 1) {
     const TetMesh mesh = testing::block_mesh(2, 2, 2, 0.005);
@@ -260,7 +267,7 @@ SkinChunk<double> scrambled_chunk(int sample_refinement = 1) {
         mesh, bone, {.low = 0.8, .high = 1.2, .friction = true, .sample_refinement = sample_refinement});
     testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5});
     testing::aim_all(chunk, 2000, 2, {{0.001, 0, 0.002}, normalised(Quaternion<double>{1, 0, 0.1, 0})});
-    begin_slots(chunk);
+    begin_slots(chunk, at_rest());
     chunk.scratch.start_position = chunk.state.position;
     chunk.scratch.inertia_target = chunk.state.position;
     std::mt19937 random(7);
@@ -302,7 +309,7 @@ TEST(Derivatives, GradientAlongTheMotionsOfABody) {
     object.shape = ball;
     object.body = 0;
     object.mass_centre = {0.001, 0.002, -0.003};
-    begin_slots(c);
+    begin_slots(c, at_rest());
     const Pose<double> pose{{0.001, 0, -0.0205}, normalised(Quaternion<double>{1, 0.1, 0.2, 0.05})};
     const RigidBody body = [&] {
         RigidBody b;
@@ -330,7 +337,7 @@ TEST(Derivatives, GradientAlongTheMotionsOfABody) {
     // Translations do not turn normals that do not depend on where they are: against a plane the matrix is exact.
     object.shape = {};
     object.pose = {{0, 0, 0.001}, Quaternion<double>::identity()};
-    begin_slots(c);
+    begin_slots(c, at_rest());
     evaluate<double>(c, SolverSettings{}, 1.0);
     detail::add_body_gradients<double>(c);
     detail::fill_columns<double>(c);

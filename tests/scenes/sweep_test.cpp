@@ -212,6 +212,14 @@ TEST(Compare, KindsMethodsAndServo) {
     EXPECT_EQ(palpate_program("compare " + scenes + "press.toml --kinds no-such-kind").code, 2);
 }
 
+TEST(Stress, RandomScenesBreakNoLaw) {
+    const char* count = std::getenv("PALPATE_RANDOM_SCENES");
+    const ScratchFolder folder;
+    const Outcome o = palpate_program("stress --random " + std::string(count ? count : "100") +
+                                      " --seed 1 --no-shrink --out " + folder.path.string());
+    EXPECT_EQ(o.code, 0) << o.out;
+}
+
 TEST(Stress, TheShortCasesPass) {
     const Outcome o = palpate_program("stress --short --case S1,S2,S3,S4,S5,S6,S6b,S7,S9,S11,S13,S14");
     EXPECT_EQ(o.code, 0) << o.out;

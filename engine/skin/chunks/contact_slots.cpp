@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/contact/sides.h"
 #include "engine/skin/chunks/fields.h"
 #include "engine/skin/solver_settings.h"
 
@@ -100,11 +101,17 @@ Vec3<double> start_of_sample(const SkinChunk<T>& c, std::size_t s, int lane) {
            double(f.weight[2]) * node(f.node[2]);
 }
 
+/// A node of a sample.
+int node_of_sample(const SkinTopology& t, std::size_t s) {
+    return s < t.samples.size() ? t.samples[s] : int(t.face_samples[s - t.samples.size()].node[0]);
+}
+
 /// Sides and overlaps of one lane's samples with one object.
 template <class T>
 void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& settings) {
     // Solves that end early leave some tenths of a millimetre; what is deeper was not made by this step.
     constexpr double begins = 1e-3, ends = 2e-5;
+    const SkinTopology& t = *c.topology;
     const LaneContact& o = c.contacts.at(slot, lane);
     ContactSlot& all = c.contacts.slot[std::size_t(slot)];
     const bool sided = has_sides(o.shape.kind), soft = o.stiffness > 0;
@@ -120,7 +127,13 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
         const bool touched = c.state.normal_multiplier[i] > 0 || o.fresh;
         if (!sided && !touched) continue;
         const Vec3<double> x = origin + start_of_sample(c, s, lane);
-        if (sided) side = T(side_of(o.shape, inverse_transform(o.start, x), int(side)));
+        if (sided) {
+            const T* v = &c.state.velocity[std::size_t(3 * node_of_sample(t, s) * c.width + lane)];
+            const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
+            const Vec3<double> local = inverse_transform(o.start, x);
+            const double way = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
+            side = T(side_in_step(o.shape, local, int(side), way));
+        }
         if (soft || !touched || !settings.inertia) continue;
         const double depth = -surface_point(o.shape, o.start, x, int(side)).distance;
         const bool undo = depth > (offset < 0 ? ends : begins);

@@ -76,6 +76,17 @@ double FingerState::depth_behind_skin(const Shape& shape, const Pose<double>& po
     return nearest > within ? 0 : within - nearest;
 }
 
+double FingerState::longest_edge() const {
+    double longest = 0;
+    const auto& pad = skin->mesh.pad_nodes;
+    auto in_pad = [&](int node) { return std::binary_search(pad.begin(), pad.end(), node); };
+    for (const auto& f : faces)
+        for (std::size_t k = 0; k < 3; ++k)
+            if (const int a = f[k], b = f[(k + 1) % 3]; in_pad(a) && in_pad(b))
+                longest = std::max(longest, norm(position[std::size_t(a)] - position[std::size_t(b)]));
+    return longest;
+}
+
 Vec3<double> FingerState::area_vector(const std::array<int, 3>& f) const {
     const Vec3<double>& a = position[std::size_t(f[0])];
     return cross(position[std::size_t(f[1])] - a, position[std::size_t(f[2])] - a);

@@ -11,14 +11,14 @@ namespace palpate {
 struct FingerState {
     const Skin* skin = nullptr;
     SkinStatus status;
-    std::vector<Vec3<double>> position;  ///< [node] world [m]
-    std::vector<Vec3<double>> velocity;  ///< [node] from the positions of two steps [m/s]; empty in the first
-    std::vector<double> mass;            ///< [node] of the skin [kg]
+    std::vector<Vec3<double>> position;     ///< [node] world [m]
+    std::vector<Vec3<double>> velocity;     ///< [node] from the positions of two steps [m/s]; empty in the first
+    std::vector<double> mass;               ///< [node] of the skin [kg]
     std::vector<std::array<int, 3>> faces;  ///< of the surface, seen from outside
-    Vec3<double> contact{0, 0, 0};       ///< sum of the reported contact forces on the skin [N]
-    Vec3<double> reaction{0, 0, 0};      ///< sum of the bone's on it [N]
-    double normal_force = 0;             ///< reported [N]
-    bool solved = false;                 ///< neither asleep nor moved as one with its bone
+    Vec3<double> contact{0, 0, 0};          ///< sum of the reported contact forces on the skin [N]
+    Vec3<double> reaction{0, 0, 0};         ///< sum of the bone's on it [N]
+    double normal_force = 0;                ///< reported [N]
+    bool solved = false;                    ///< neither asleep nor moved as one with its bone
 
     bool finite() const;
     /// Change of the skin's momentum since the step before, per time [N].
@@ -26,6 +26,8 @@ struct FingerState {
     /// How far an object's surface reaches above a depth of 2 mm under the skin [m], 0 where it lies deeper or outside:
     /// it does where its nearest point to a node of the pad lies straight inward.
     double depth_behind_skin(const Shape& shape, const Pose<double>& pose) const;
+    /// Longest edge between two nodes of the pad [m].
+    double longest_edge() const;
     /// Outward normal of a face, as long as twice its area.
     Vec3<double> area_vector(const std::array<int, 3>& face) const;
 };
