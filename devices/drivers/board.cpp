@@ -257,7 +257,7 @@ void Board::write_changed() {
     if (problem) return fail(problem, given_up);
     ++writes_;
     latency_.add(end - began);
-    last_word_ = end;
+    last_word_ = began;  // not its end: the process may have been stopped while it waited for that
 }
 
 void Board::note_write(const ChannelTarget& target, bool arrived, double began, double end) {
@@ -287,7 +287,7 @@ void Board::feed() {
         fail(problem, feed_watch_.given_up(device_clock()));
     } else {
         feed_watch_.good();
-        last_word_ = device_clock();
+        last_word_ = began;
     }
     if (link_->measures && (state() == BoardState::active || state() == BoardState::inactive)) read_positions(began);
 }

@@ -157,6 +157,13 @@ void bite(Board& b) {
     log(b, -1, 0);
 }
 
+/// The watchdog, where it bites by itself.
+void bite_if_starved(Board& b) {
+    const Options& o = b.bus->options;
+    if (o.bites && o.watchdog_ms > 0 && b.fed && Clock::now() - b.last_fed > std::chrono::milliseconds(o.watchdog_ms))
+        bite(b);
+}
+
 /// The board's answer to a request; false: it stalls.
 bool answer(Board& b, int type, int request, int value, int index, std::vector<std::uint8_t>& reply) {
     if (type == 0x80 && request == 6 && value >> 8 == 3) return reply = string_descriptor(b, value & 0xff), true;
@@ -216,6 +223,8 @@ int submit(Board& b, Urb urb) {
     const std::uint8_t* setup = urb.buffer->data;
     const int type = setup[0], request = setup[1], value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8,
               wanted = setup[6] | setup[7] << 8;
+    // A program that is stopped inside a call holds the emulation up, too: a board would have bitten meanwhile.
+    bite_if_starved(b);
     const long number = b.bus->transfers++;
     const auto fault = b.bus->options.faults.find(number);
     const std::string kind = fault == b.bus->options.faults.end() ? "" : fault->second;
@@ -412,10 +421,10 @@ int main(int argc, char** argv) {
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
         for (Board& b : bus.boards) {
             std::unique_lock lock(bus.mutex);
-            const bool starved =
-                b.fed && Clock::now() - b.last_fed > std::chrono::milliseconds(bus.options.watchdog_ms);
-            if (b.present && bus.options.bites && bus.options.watchdog_ms > 0 && starved) bite(b);
-            if (b.present) continue;
+            if (b.present) {
+                bite_if_starved(b);
+                continue;
+            }
             const bool back =
                 bus.options.replug_ms > 0 && Clock::now() - b.gone > std::chrono::milliseconds(bus.options.replug_ms);
             lock.unlock();
