@@ -18,8 +18,9 @@ struct FakeState {
     std::vector<ChannelTarget> seen;
     std::vector<double> times;  ///< of what was seen [s]
     std::vector<double> speed_shares;
+    std::string calls;  ///< w: write, f: feed, F: one that took long; as they end
     std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
-    std::atomic<int> delay_ms{0}, deaf{-1}, lets_go{0};
+    std::atomic<int> delay_ms{0}, feed_delay_ms{0}, deaf{-1}, lets_go{0};
 };
 class FakeLink final : public BoardLink {
   public:
@@ -36,6 +37,7 @@ class FakeLink final : public BoardLink {
         if (state_.vanish) return {"gone", true, FaultKind::unplugged};
         if (state_.refuse) return {"refused", false, FaultKind::refused};
         const std::lock_guard lock(state_.mutex);
+        state_.calls += 'w';
         LinkProblem problem;
         for (std::size_t i = 0; i < targets.size(); ++i) {
             if (targets[i].channel == state_.deaf) {
@@ -48,6 +50,12 @@ class FakeLink final : public BoardLink {
         return problem;
     }
     LinkProblem feed() override {
+        const int delay_ms = state_.feed_delay_ms.exchange(0);
+        std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
+        {
+            const std::lock_guard lock(state_.mutex);
+            state_.calls += delay_ms > 0 ? 'F' : 'f';
+        }
         if (state_.complain) return {"reports errors", false, FaultKind::reported};
         return state_.vanish ? LinkProblem{"gone", true, FaultKind::unplugged} : LinkProblem{};
     }
@@ -95,6 +103,24 @@ TEST(Board, OneFailureIsTriedAgainManyAreALoss) {
     EXPECT_EQ(board.status().problem, "refused");
     EXPECT_EQ(board.status().fault, FaultKind::refused);
     EXPECT_EQ(state.lets_go, 1);
+}
+
+/// A process that was stopped while the controller told how it is knows nothing of what came after: it asks again
+/// before it tells a servo anything.
+TEST(Board, AnAnswerThatCameLateIsAskedForAgain) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    board.limit(1, wire_limits({}, 4, 6));
+    for (int k = 1; k <= 5; ++k) {
+        state.feed_delay_ms = 150;
+        ASSERT_TRUE(eventually([&] { return state.feed_delay_ms == 0; }));
+        board.set(1, WireValue(6000 + 20 * k));  // waits already when the answer comes
+        board.wake();
+        ASSERT_TRUE(eventually([&] { return board.arrived(1) == 6000 + 20 * k; }));
+    }
+    const std::lock_guard lock(state.mutex);
+    EXPECT_NE(state.calls.find("Ff"), std::string::npos) << state.calls;
+    EXPECT_EQ(state.calls.find("Fw"), std::string::npos) << state.calls;
 }
 
 TEST(Board, AServoThatRefusesLatchesWhileOthersMove) {
