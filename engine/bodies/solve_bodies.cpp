@@ -337,6 +337,9 @@ void update_all(Work& w) {
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
 
+/// A bone that is held less stiffly than this takes the push up; nothing was gained there [N/m].
+constexpr double stiffly_held = 1e4;
+
 /// What a body presses on tissue at its limits with is its inertia: multipliers, which in a short solve are updated
 /// once a step, integrate what penalties far below mass / dt^2 leave open, and push on after the body has turned back,
 /// so that it leaves with more energy than it brought. Penalties of such lanes are no lower than that.
@@ -344,6 +347,7 @@ void stiffen_against_inertia(Work& w) {
     if (!w.solver.inertia) return;
     for_each_lane(w, [&](auto& c, int lane, const Island&) {
         if (!c.has_limits || c.status[std::size_t(lane)].limited_elements == 0) return;
+        if (double(c.scratch.bone_springs[std::size_t(lane)]) < stiffly_held) return;
         using T = std::remove_reference_t<decltype(c.state.penalty_scale[0])>;
         double mass = 0;
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)

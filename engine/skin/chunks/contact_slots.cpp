@@ -109,7 +109,8 @@ int node_of_sample(const SkinTopology& t, std::size_t s) {
 /// Sides and overlaps of one lane's samples with one object.
 template <class T>
 void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& settings) {
-    // Solves that end early leave some tenths of a millimetre; what is deeper was not made by this step.
+    // What is deep as an object comes near is no contact's doing, and is undone slowly. Loads press contacts that deep,
+    // too, in solves that end early: those are left to the solve.
     constexpr double begins = 1e-3, ends = 2e-5;
     const SkinTopology& t = *c.topology;
     const LaneContact& o = c.contacts.at(slot, lane);
@@ -136,7 +137,7 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
         }
         if (soft || !touched || !settings.inertia) continue;
         const double depth = -surface_point(o.shape, o.start, x, int(side)).distance;
-        const bool undo = depth > (offset < 0 ? ends : begins);
+        const bool undo = offset < 0 ? depth > ends : o.fresh && depth > begins;
         offset = T(undo ? std::min(0.0, recovery - depth) : 0);
         all.recovers |= undo;
         if (undo) c.state.normal_multiplier[i] = 0;

@@ -65,9 +65,10 @@ struct LaneDecision {
     MaskOf<R> undo;  ///< of those that retry: back to where the step began, for a direction of another length
 };
 
-/// What a step that has used its budget has not balanced by more than a tenth of the contact force would be a spike,
-/// felt and seen: it is solved on, by so many iterations at a time, and so many in all.
-inline constexpr double extra_iterations = 4, most_extra_iterations = 40, rough_share = 0.1;
+/// A step that has used its budget with forces off balance by more than half the contact force is a spike, felt and
+/// seen: it is solved on, by so many iterations at a time, and so many in all. One that is off by more than a tenth is
+/// too rough to be rendered.
+inline constexpr double extra_iterations = 4, most_extra_iterations = 40, spike_share = 0.5, rough_share = 0.1;
 
 /// A line search halves a step so often; what leads uphill then is taken back.
 inline constexpr double smallest_step = 1.0 / 64;
@@ -111,7 +112,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> first = p.iterations <= R(0);
     d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
     // It evaluates again, with a matrix.
-    const MaskOf<R> rough = (e.contact_force > e.force_floor) & (residual > R(T(rough_share)) * e.contact_force);
+    const MaskOf<R> rough = (e.contact_force > e.force_floor) & (residual > R(T(spike_share)) * e.contact_force);
     const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget & rough & (p.extra < R(T(most_extra_iterations)));
     p.extra += select(goes_on, R(T(extra_iterations)), R(0));
     p.active = d.retry | d.update | d.newton | goes_on;
