@@ -168,7 +168,8 @@ void draw_grasp(Random& r, RandomScene& s, int fingers, int elements, double dt)
         s.blocks.push_back(
             {"[hand]", "track = [", line("    { t_s = 0, position_mm = [0, 0, %.3f] },", 0.5 * solid.height), "]"});
     for (int i = 0; i < std::max(2, fingers); ++i) {
-        const double side = i % 2 ? 1 : -1, x = 20.0 * (i / 2) - 10 * (std::max(2, fingers) / 2 - 1);
+        const int pair = i / 2, pairs = std::max(2, fingers) / 2;
+        const double side = i % 2 ? 1 : -1, x = 20.0 * pair - 10.0 * (pairs - 1);
         const double from = 0.5 * solid.width;
         Block b = finger(r, line("finger %d", i), elements);
         b.emplace_back("track = [");
