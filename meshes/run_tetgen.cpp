@@ -1,3 +1,4 @@
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -25,12 +26,20 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+/// The program, or the shared library, that this code is in.
+std::filesystem::path own_file() {
+    Dl_info info;
+    return dladdr(reinterpret_cast<const void*>(&own_file), &info) && info.dli_fname ? info.dli_fname : "";
+}
+
 /// The helper lies beside the running program, or where it was built or installed.
 std::string helper_path() {
     std::error_code error;
     const auto self = std::filesystem::read_symlink("/proc/self/exe", error);
-    for (const auto& folder : {self.parent_path(), std::filesystem::path(PALPATE_HELPER_BUILD_DIR),
-                               std::filesystem::path(PALPATE_HELPER_INSTALL_DIR)})
+    const auto library = own_file().parent_path();
+    for (const auto& folder :
+         {self.parent_path(), library, library / "../bin", library / "../../bin",
+          std::filesystem::path(PALPATE_HELPER_BUILD_DIR), std::filesystem::path(PALPATE_HELPER_INSTALL_DIR)})
         if (std::filesystem::exists(folder / "palpate-tetgen", error)) return (folder / "palpate-tetgen").string();
     // A program that embeds this, where palpate is installed under another prefix.
     std::istringstream folders(std::getenv("PATH") ? std::getenv("PATH") : "");

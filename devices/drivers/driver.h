@@ -1,6 +1,8 @@
 #pragma once
 // What speaks to a servo controller.
 
+#include <vector>
+
 #include "devices/device.h"
 
 namespace palpate {
@@ -22,6 +24,10 @@ class Driver {
     virtual bool rearm() { return true; }
     /// How old the tracked pose was as the newest angles had reached the servos [s]; negative where that is not known.
     virtual double command_age() const { return -1; }
+    /// All that its next answers depend on, as numbers; none where that lies in the world outside.
+    virtual std::vector<double> state() const { return {}; }
+    /// As it was; false where `state` is not of this driver.
+    virtual bool set_state(const std::vector<double>& state) { return state.empty(); }
 };
 
 }  // namespace palpate

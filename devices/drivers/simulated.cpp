@@ -43,6 +43,33 @@ class SimulatedDriver final : public Driver {
         return angle_;
     }
 
+    std::vector<double> state() const override {
+        std::vector<double> numbers{time_, double(next_)};
+        numbers.insert(numbers.end(), angle_.begin(), angle_.end());
+        for (const Pulse& p : pulses_) {
+            numbers.push_back(p.due);
+            numbers.insert(numbers.end(), p.target.begin(), p.target.end());
+        }
+        return numbers;
+    }
+    bool set_state(const std::vector<double>& numbers) override {
+        const auto joints = std::size_t(angle_.size());
+        if (numbers.size() != 2 + joints + pulses_.size() * (1 + joints)) return false;
+        auto at = numbers.begin();
+        const auto take = [&](Coordinates& q) {
+            q = Coordinates::Zero(angle_.size());
+            for (double& angle : q) angle = *at++;
+        };
+        time_ = *at++;
+        next_ = std::size_t(*at++) % pulses_.size();
+        take(angle_);
+        for (Pulse& p : pulses_) {
+            p.due = *at++;
+            take(p.target);
+        }
+        return true;
+    }
+
   private:
     struct Pulse {
         double due;

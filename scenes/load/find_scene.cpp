@@ -1,13 +1,25 @@
 #include "scenes/load/find_scene.h"
 
+#include <dlfcn.h>
+
 namespace palpate {
 
 std::vector<std::filesystem::path> scene_folders() {
     std::error_code error;
     const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
     const auto folder = program.parent_path();
-    return {"", "scenes", folder.parent_path() / "share/palpate/scenes",
+    // In libpalpate.so the program is somebody else's: DIR/lib/libpalpate.so, or
+    // DIR/lib/x86_64-linux-gnu/libpalpate.so.
+    Dl_info info;
+    const bool known = dladdr(reinterpret_cast<const void*>(&scene_folders), &info) && info.dli_fname;
+    const auto own = known ? std::filesystem::path(info.dli_fname).parent_path() : folder;
+    return {"",
+            "scenes",
+            folder.parent_path() / "share/palpate/scenes",
             folder.parent_path().parent_path() / "scenes",  // of build/release in a checkout
+            own.parent_path() / "share/palpate/scenes",
+            own.parent_path().parent_path() / "share/palpate/scenes",
+            own.parent_path().parent_path() / "scenes",
             PALPATE_SCENES_DIR};
 }
 

@@ -207,15 +207,11 @@ std::string tried_for(const std::filesystem::path& name) {
     return tried;
 }
 
-}  // namespace
-
-Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+Scene load_table(toml::table table, const std::filesystem::path& file, const std::vector<std::string>& overrides,
                  FingerTemplates* templates) {
     Scene scene;
     scene.file = file;
     Problems problems{file, {}};
-    if (!std::filesystem::is_regular_file(file)) throw InputError(file.string() + ": no such file" + tried_for(file));
-    toml::table table = parse_toml(file);
     for (const std::string& o : overrides) apply_override(table, o, problems);
     Section root(&table, "", problems);
     FingerTemplates own;
@@ -231,6 +227,21 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<std::strin
     if (!problems.messages.empty()) throw InputError(problems.messages);
     scene.warnings = std::move(problems.warnings);
     scene.notes = std::move(problems.notes);
+    return scene;
+}
+
+}  // namespace
+
+Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                 FingerTemplates* templates) {
+    if (!std::filesystem::is_regular_file(file)) throw InputError(file.string() + ": no such file" + tried_for(file));
+    return load_table(parse_toml(file), file, overrides, templates);
+}
+
+Scene load_scene_text(const std::string& text, const std::filesystem::path& file,
+                      const std::vector<std::string>& overrides, FingerTemplates* templates) {
+    Scene scene = load_table(parse_toml(text, file), file, overrides, templates);
+    scene.text = text;
     return scene;
 }
 

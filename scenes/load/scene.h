@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,7 @@ struct DriverSpec {
 
 struct Scene {
     std::filesystem::path file;
+    std::optional<std::string> text;  ///< of a scene that was given as text: there is no such file
     std::string title;
     double duration = 1;  ///< [s]
     SceneSpec spec;
@@ -64,6 +66,11 @@ struct Scene {
 /// `templates`, where there are any, and put there: several scenes may share them.
 Scene load_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {},
                  FingerTemplates* templates = nullptr);
+
+/// The same from text: messages call it `file`, files that it names are looked for in that one's folder; it need not
+/// exist.
+Scene load_scene_text(const std::string& text, const std::filesystem::path& file,
+                      const std::vector<std::string>& overrides = {}, FingerTemplates* templates = nullptr);
 
 /// Says warnings and notes about a scene on standard error, one a line.
 void print_warnings(const Scene& scene);

@@ -308,15 +308,27 @@ void Section::finish() {
     }
 }
 
+namespace {
+
+InputError fault_of(const toml::parse_error& error, const std::filesystem::path& file) {
+    const auto& at = error.source().begin;
+    return InputError(file.string() + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) + ": " +
+                      std::string(error.description()));
+}
+
+}  // namespace
+
 toml::table parse_toml(const std::filesystem::path& file) {
     if (!std::filesystem::is_regular_file(file)) throw InputError(file.string() + ": no such file");
     try {
         return toml::parse_file(file.string());
-    } catch (const toml::parse_error& error) {
-        const auto& at = error.source().begin;
-        throw InputError(file.string() + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) + ": " +
-                         std::string(error.description()));
-    }
+    } catch (const toml::parse_error& error) { throw fault_of(error, file); }
+}
+
+toml::table parse_toml(const std::string& text, const std::filesystem::path& file) {
+    try {
+        return toml::parse(text);
+    } catch (const toml::parse_error& error) { throw fault_of(error, file); }
 }
 
 }  // namespace palpate

@@ -113,5 +113,7 @@ void apply_override(toml::table& root, const std::string& assignment, Problems& 
 
 /// Parses a file. Throws InputError with file, line and column of a fault.
 toml::table parse_toml(const std::filesystem::path& file);
+/// Parses text; messages call it `file`.
+toml::table parse_toml(const std::string& text, const std::filesystem::path& file);
 
 }  // namespace palpate

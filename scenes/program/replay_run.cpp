@@ -3,7 +3,7 @@
 #include <cstdio>
 
 #include "meshes/input_error.h"
-#include "scenes/viewer/carry_over.h"
+#include "scenes/run/carry_over.h"
 
 namespace palpate {
 

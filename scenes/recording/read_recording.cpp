@@ -81,6 +81,7 @@ RecordedRun read_header(const nlohmann::json& j) {
     run.scene = j.at("scene"), run.text = j.at("text");
     run.overrides = j.at("overrides").get<Names>(), run.arrays = j.at("arrays").get<Names>();
     run.fingers = j.at("fingers").get<Names>(), run.objects = j.at("objects").get<Names>();
+    run.has_file = j.value("has_file", true);
     run.governed = j.value("governed", false), run.duration = j.value("duration_s", 0.0);
     return run;
 }

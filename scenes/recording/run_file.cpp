@@ -88,7 +88,8 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
     file_.append(run_frame,
                  json_payload({{"version", 2},
                                {"scene", std::filesystem::absolute(s.scene.file).lexically_normal().string()},
-                               {"text", read_file(s.scene.file)},
+                               {"text", s.scene.text ? *s.scene.text : read_file(s.scene.file)},
+                               {"has_file", !s.scene.text},
                                {"overrides", overrides},
                                {"fingers", fingers},
                                {"objects", objects},
@@ -140,6 +141,7 @@ void RunWriter::finish() {
 
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides) {
+    if (!run.has_file) return load_scene_text(run.text, run.scene, overrides);
     const std::string remedy =
         "; `palpate replay " + file.string() + " --extract " + run.scene + "` puts back what it said then";
     if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);

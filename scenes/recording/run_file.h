@@ -3,7 +3,8 @@
 // by its first 8 bytes. What each kind of frame holds, all numbers little-endian:
 //
 //   1 run: a run begins. JSON: version, scene (path), text (of the scene file), overrides, fingers, objects (names, in
-//     order), arrays (names of what is hashed), governed, dt_s, duration_s.
+//     order), arrays (names of what is hashed), governed, dt_s, duration_s; has_file (false: the
+//     scene was given as text).
 //   3 step: u64 number of the step; f64 time; i8 preset of the governor (-1: none); u32 fingers, objects, arrays,
 //   moved;
 //     per finger u8 valid, f64 sample time, tracked pose, 3 f64 contact force after the step [N]; per object its pose
@@ -47,7 +48,7 @@ class RunWriter {
               const std::vector<std::string>& overrides);
     /// Another run begins, or the same one anew: after `finish`.
     void begin(const Simulation& simulation, const std::vector<std::string>& overrides);
-    /// The run goes on with other settings, carried over into `simulation` (viewer/carry_over.h).
+    /// The run goes on with other settings, carried over into `simulation` (run/carry_over.h).
     void change_settings(const Simulation& simulation, const std::vector<std::string>& overrides);
     /// Call after every step with its inputs.
     void record(const StepInputs& inputs, const Simulation& simulation);
@@ -82,6 +83,7 @@ struct RecordedRun {
     };
     std::string scene, text;
     std::vector<std::string> overrides, fingers, objects, arrays;
+    bool has_file = true;   ///< false: the scene was given as text, `scene` says which folder its files are in
     bool governed = false;  ///< a governor chose each step's preset
     double duration = 0;    ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;

@@ -47,7 +47,6 @@ void record_finger(Simulation& s, std::size_t i) {
     const ContactSurface& c = *w.contact_surfaces.find(finger);
     const SkinStatus& status = skin_status(w, finger);
     const Pose<double> bone = bone_pose(w, finger);
-    s.finger_resets[i] += status.reset;
     const double fixed = fixed_skin_depth(s.fixed_skins[i], bone, w.shapes);
     std::vector<double>& out = s.finger_series[i].values;
     for (double v : {w.time, c.normal_force, c.total.x, c.total.y, c.total.z, 1e6 * c.touching_area, double(c.touching),
@@ -73,6 +72,17 @@ void record_finger(Simulation& s, std::size_t i) {
     if (s.hardware && s.finger_series[i].columns.back() == "command_age_ms") out.push_back(1e3 * seen.command_age);
 }
 
+/// One row of every series.
+void record(Simulation& s, const StepInputs& inputs) {
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
+    record_bodies(s);
+    const StepProfile& p = s.world.profile;
+    s.step_series.values.push_back(s.world.time);
+    for (const auto& [name, seconds] : step_systems) s.step_series.values.push_back(1e6 * (p.*seconds));
+    s.step_series.values.push_back(1e6 * p.total());
+    if (s.governor) s.step_series.values.push_back(inputs.preset);
+}
+
 /// When the tracked poses of this step had come: of two hands, the older ones. 0 where a hand is not seen.
 double oldest_arrival(const Simulation& s) {
     double oldest = HUGE_VAL;
@@ -88,8 +98,34 @@ Simulation::~Simulation() = default;
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
-Simulation make_simulation(Scene scene, int threads) {
+namespace {
+
+/// Series with memory for the scene's whole duration.
+void prepare_series(Simulation& s) {
+    const auto steps = std::min<std::size_t>(
+        s.keeps_series ? std::size_t(std::ceil(s.scene.duration / s.scene.spec.solver.dt)) + 2 : 0, 2000000);
+    for (const EntityId finger : s.fingers) {
+        Series series{finger_columns, {}};
+        if (const int t = thimble_of(s.world, finger); t >= 0)
+            for (auto& column : thimble_columns(*s.world.matchings[std::size_t(t)].model.kind))
+                series.columns.push_back(std::move(column));
+        series.reserve(steps);
+        s.finger_series.push_back(std::move(series));
+    }
+    for (std::size_t b = 0; b < s.world.bodies.size(); ++b) {
+        s.body_series.push_back({body_columns(s), {}});
+        s.body_series.back().reserve(steps);
+    }
+    s.step_series.columns = step_columns;
+    if (s.governor) s.step_series.columns.emplace_back("preset");
+    s.step_series.reserve(steps);
+}
+
+}  // namespace
+
+Simulation make_simulation(Scene scene, int threads, bool keeps_series) {
     Simulation s;
+    s.keeps_series = keeps_series;
     s.scene = std::move(scene);
     s.world = build_world(s.scene.spec);
     s.threads = std::make_unique<Threads>(threads);
@@ -104,35 +140,24 @@ Simulation make_simulation(Scene scene, int threads) {
         s.world.device_links[row].silence = s.scene.tracker_timeout;
         s.loops.push_back(std::move(loop));
     }
-    const auto steps = std::size_t(std::ceil(s.scene.duration / s.scene.spec.solver.dt)) + 2;
-    for (const EntityId finger : s.fingers) {
-        Series series{finger_columns, {}};
-        if (const int t = thimble_of(s.world, finger); t >= 0)
-            for (auto& column : thimble_columns(*s.world.matchings[std::size_t(t)].model.kind))
-                series.columns.push_back(std::move(column));
-        series.reserve(std::min<std::size_t>(steps, 2000000));
-        s.finger_series.push_back(std::move(series));
-    }
     s.finger_resets.assign(s.fingers.size(), 0);
     for (const EntityId finger : s.fingers) s.fixed_skins.push_back(fixed_skin_of(s.world.skins.find(finger)->mesh));
-    for (std::size_t b = 0; b < s.world.bodies.size(); ++b) {
-        s.body_series.push_back({body_columns(s), {}});
-        s.body_series.back().reserve(std::min<std::size_t>(steps, 2000000));
-    }
     s.last_grips.resize(s.world.bodies.size() * s.fingers.size());
-    s.step_series.columns = step_columns;
-    if (s.scene.deadline > 0) {
-        s.governor = make_governor(s.scene.deadline, s.scene.preset, s.world.solver);
-        s.step_series.columns.emplace_back("preset");
-    }
-    s.step_series.reserve(std::min<std::size_t>(steps, 2000000));
+    if (s.scene.deadline > 0) s.governor = make_governor(s.scene.deadline, s.scene.preset, s.world.solver);
+    prepare_series(s);
     return s;
 }
 
 StepInputs next_inputs(const Simulation& s) {
-    const double next = s.world.time + s.world.solver.dt;
     StepInputs inputs;
-    if (s.governor) inputs.preset = s.governor->preset;
+    next_inputs(s, inputs);
+    return inputs;
+}
+
+void next_inputs(const Simulation& s, StepInputs& inputs) {
+    const double next = s.world.time + s.world.solver.dt;
+    inputs.fingers.clear(), inputs.objects.clear();
+    inputs.preset = s.governor ? s.governor->preset : -1;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const FingerMotion& motion = s.scene.finger_motions[i];
         if (!s.live || motion.followed_finger < 0) {
@@ -146,7 +171,6 @@ StepInputs next_inputs(const Simulation& s) {
         const bool moves = i < s.scene.object_motions.size() && !s.scene.object_motions[i].empty();
         inputs.objects.push_back(moves ? trajectory_pose(s.scene.object_motions[i], next) : s.world.shapes[i].pose);
     }
-    return inputs;
 }
 
 void follow_live(Simulation& s, std::shared_ptr<LiveHands> live) {
@@ -177,20 +201,16 @@ void advance(Simulation& s, const StepInputs& inputs) {
     if (s.governor) govern(*s.governor, w.profile.total());
     if (!s.hardware)
         for (auto& loop : s.loops) tick(*loop, w.time);
-    for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
-    record_bodies(s);
-    const StepProfile& p = w.profile;
-    s.step_series.values.push_back(w.time);
-    for (const auto& [name, seconds] : step_systems) s.step_series.values.push_back(1e6 * (p.*seconds));
-    s.step_series.values.push_back(1e6 * p.total());
-    if (s.governor) s.step_series.values.push_back(inputs.preset);
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) s.finger_resets[i] += skin_status(w, s.fingers[i]).reset;
+    if (s.keeps_series) record(s, inputs);
 }
 
-void run(Simulation& s, const std::atomic<bool>& stop,
-         const std::function<void(const StepInputs&, double)>& after_step) {
+void run(Simulation& s, const std::atomic<bool>& stop, const std::function<void(const StepInputs&, double)>& after_step,
+         const std::function<void(StepInputs&)>& before_step) {
     const auto steps = std::int64_t(std::llround(s.scene.duration / s.world.solver.dt));
     for (std::int64_t k = 0; k < std::max<std::int64_t>(1, steps) && !stop; ++k) {
-        const StepInputs inputs = next_inputs(s);
+        StepInputs inputs = next_inputs(s);
+        if (before_step) before_step(inputs);
         advance(s, inputs);
         if (after_step) after_step(inputs, double(k + 1) / double(steps));
         if (s.pace) wait_for_real_time(*s.pace, s.world.solver.dt);

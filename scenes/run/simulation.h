@@ -56,10 +56,11 @@ struct Simulation {
     std::shared_ptr<LiveHands> live;                  ///< hands that fingers follow now; null: the scene's recording
     std::optional<RealTimePace> pace;                 ///< absent: as fast as it goes
     std::optional<Governor> governor;                 ///< absent: the scene's settings in every step
+    bool keeps_series = true;                         ///< false: series stay empty, and steps allocate nothing
 };
 
 /// Threads: 0 = as many as the machine has.
-Simulation make_simulation(Scene scene, int threads);
+Simulation make_simulation(Scene scene, int threads, bool keeps_series = true);
 
 /// What goes into a step from outside.
 struct StepInputs {
@@ -69,6 +70,8 @@ struct StepInputs {
 };
 /// Of the next step, from scripts, recordings and live hands.
 StepInputs next_inputs(const Simulation& simulation);
+/// The same into memory that is there.
+void next_inputs(const Simulation& simulation, StepInputs& inputs);
 
 /// One step: inputs in, world stepped, device loops ticked, one row recorded.
 void advance(Simulation& simulation, const StepInputs& inputs);
@@ -78,8 +81,10 @@ void advance(Simulation& simulation);
 /// one.
 void follow_live(Simulation& simulation, std::shared_ptr<LiveHands> live);
 
-/// Runs to the scene's end or until `stop`; calls after_step(inputs, share done) after each step.
+/// Runs to the scene's end or until `stop`; calls before_step(inputs), which may change them, before each step, and
+/// after_step(inputs, share done) after it.
 void run(Simulation& simulation, const std::atomic<bool>& stop,
-         const std::function<void(const StepInputs&, double)>& after_step);
+         const std::function<void(const StepInputs&, double)>& after_step,
+         const std::function<void(StepInputs&)>& before_step = {});
 
 }  // namespace palpate

@@ -13,7 +13,7 @@
 #include "meshes/mesh_files.h"
 #include "scenes/recording/hdf5_file.h"
 #include "scenes/recording/run_file.h"
-#include "scenes/viewer/carry_over.h"
+#include "scenes/run/carry_over.h"
 #include "tests/support.h"
 
 namespace palpate {

@@ -17,7 +17,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/recording/run_file.h"
-#include "scenes/viewer/carry_over.h"
+#include "scenes/run/carry_over.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 #include "tests/support.h"

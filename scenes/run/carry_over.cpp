@@ -1,4 +1,4 @@
-#include "scenes/viewer/carry_over.h"
+#include "scenes/run/carry_over.h"
 
 #include <algorithm>
 
