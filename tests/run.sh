@@ -3,7 +3,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/.."
-.ci/install-packages libumockdev-dev umockdev pkgconf python3
+.ci/install-packages libumockdev-dev umockdev pkgconf python3 python3-numpy
 cmake --preset release -DPALPATE_TESTS=ON -DPALPATE_BENCH=OFF
 cmake --build --preset release
 ctest --preset release -j"$(($(nproc) + 1))" "$@"  # some only wait

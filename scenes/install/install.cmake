@@ -5,13 +5,20 @@ set(PALPATE_SCENES_DIR ${CMAKE_INSTALL_DATADIR}/palpate/scenes)
 set(PALPATE_DOCUMENTS ${CMAKE_INSTALL_DATADIR}/doc/palpate)
 set(PALPATE_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
 
+install(TARGETS palpate_c LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT program
+        NAMELINK_COMPONENT development)
+install(FILES scenes/api/palpate.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT development)
+# Where Debian's python3 looks, if the prefix is /usr.
+set(PALPATE_PYTHON_DIR lib/python3/dist-packages CACHE STRING "where the Python package is installed, in the prefix")
+install(DIRECTORY scenes/api/python/palpate DESTINATION ${PALPATE_PYTHON_DIR} COMPONENT program
+        PATTERN __pycache__ EXCLUDE)
 install(TARGETS palpate palpate-tetgen RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 file(GLOB SCENE_FILES CONFIGURE_DEPENDS scenes/*.toml scenes/*.obj scenes/*.jsonl scenes/*.csv)
 install(FILES ${SCENE_FILES} DESTINATION ${PALPATE_SCENES_DIR} COMPONENT program)
 install(DIRECTORY meshes/fingers DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate COMPONENT program)
 install(FILES LICENSE DESTINATION ${PALPATE_DOCUMENTS} RENAME copyright COMPONENT program)
 install(FILES README.md DESTINATION ${PALPATE_DOCUMENTS} COMPONENT program)
-foreach(room scenes devices engine meshes bench tests)
+foreach(room scenes scenes/api devices engine meshes bench tests)
     install(FILES ${room}/README.md DESTINATION ${PALPATE_DOCUMENTS}/${room} COMPONENT program)
 endforeach()
 install(DIRECTORY scenes/pictures DESTINATION ${PALPATE_DOCUMENTS}/scenes COMPONENT program)
@@ -21,7 +28,7 @@ install(TARGETS palpate_meshes palpate_devices palpate_drivers palpate_engine pa
         INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(EXPORT palpate-targets NAMESPACE palpate:: DESTINATION ${PALPATE_CMAKE} COMPONENT development)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/scenes/install/palpate-config.cmake.in ${PROJECT_BINARY_DIR}/palpate-config.cmake
-                              INSTALL_DESTINATION ${PALPATE_CMAKE} PATH_VARS PALPATE_SCENES_DIR)
+                              INSTALL_DESTINATION ${PALPATE_CMAKE} PATH_VARS PALPATE_SCENES_DIR CMAKE_INSTALL_LIBDIR CMAKE_INSTALL_INCLUDEDIR)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/palpate-config-version.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/palpate-config.cmake ${PROJECT_BINARY_DIR}/palpate-config-version.cmake
         DESTINATION ${PALPATE_CMAKE} COMPONENT development)
@@ -76,6 +83,7 @@ if(PROJECT_IS_TOP_LEVEL)
     set(CPACK_DEBIAN_PACKAGE_SECTION science)
     set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME palpate)
     set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
+    set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "python3-numpy")  # for `import palpate`
     set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME palpate-dev)
     set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
     set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "palpate (= ${PROJECT_VERSION}), libeigen3-dev, libtbb-dev, \

@@ -21,7 +21,8 @@ constexpr std::array examples{
              "palpate list kinds"},
     Examples{"run",
              "palpate run scenes/hand.toml --report hand.html\n"
-             "palpate run scenes/press.toml --set finger.index.material.young_kPa=40 --duration 0.3"},
+             "palpate run scenes/press.toml --set finger.index.material.young_kPa=40 --duration 0.3\n"
+             "palpate run scenes/press.toml --stream udp:127.0.0.1:5006"},
     Examples{"view",
              "palpate view scenes/hand.toml\n"
              "palpate view scenes/recorded_hand.toml --tracker ultraleap"},

@@ -7,6 +7,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/stream_options.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
 #include "scenes/recording/run_file.h"
@@ -21,6 +22,7 @@ namespace {
 
 struct RunArguments {
     std::string scene, out, report, record, tracker, hold;
+    StreamSettings stream;
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0, pads_per_second = 0, budget_ms = 0;
@@ -80,7 +82,8 @@ bool end_recording(RunWriter& record) {
     return false;
 }
 
-int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
+int run_scene(RunArguments a, const std::atomic<bool>& stop) {
+    if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
     if (a.statics) overrides.push_back("solver.static=true");
@@ -117,18 +120,28 @@ int run_scene(const RunArguments& a, const std::atomic<bool>& stop) {
         dead_man = make_dead_man(a.hold);
         obey_dead_man(*dead_man, simulation);
     }
+    std::unique_ptr<Stream> stream;
+    if (!a.stream.target.empty()) stream = std::make_unique<Stream>(a.stream);
     RearmKey rearm_key;
     if (dead_man && dead_man->uses_terminal) rearm_key.listens = false;
-    run(simulation, stop, [&](const StepInputs& inputs, double share) {
-        if (a.arm) rearm_key.look(simulation);
-        if (dead_man) obey_dead_man(*dead_man, simulation);
-        if (!a.report.empty()) report.record(simulation);
-        if (record) record->record(inputs, simulation);
-        try {
-            if (pads && !pads_failure) pads->record(simulation);
-        } catch (const std::exception&) { pads_failure = std::current_exception(); }
-        if (show) show(share);
-    });
+    run(
+        simulation, stop,
+        [&](const StepInputs& inputs, double share) {
+            if (a.arm) rearm_key.look(simulation);
+            if (dead_man) obey_dead_man(*dead_man, simulation);
+            if (!a.report.empty()) report.record(simulation);
+            if (record) record->record(inputs, simulation);
+            if (stream) stream->tell(simulation);
+            try {
+                if (pads && !pads_failure) pads->record(simulation);
+            } catch (const std::exception&) { pads_failure = std::current_exception(); }
+            if (show) show(share);
+        },
+        [&](StepInputs& inputs) {
+            if (stream) obey(*stream, simulation, inputs, stop);
+        });
+    if (stream && !a.quiet && !a.json) std::printf("%s\n", to_text(stream->counts()).c_str());
+    stream.reset();
     const bool record_failed = record && !end_recording(*record);
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
@@ -166,6 +179,7 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
     c.option("--tracker", a->tracker,
              "fingers that follow a hand follow a live one, in real time: udp:PORT, websocket:PORT, "
              "ultraleap[:HOST:PORT]");
+    add_stream_options(c, a->stream);
     c.option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
     c.option("--set", a->overrides, "override a value of the scene, for example finger.index.material.young_kPa=40")
         .repeatable();

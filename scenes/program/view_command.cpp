@@ -9,10 +9,11 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/stream_options.h"
 #include "scenes/recording/run_file.h"
+#include "scenes/run/carry_over.h"
 #include "scenes/run/dead_man.h"
 #include "scenes/run/hardware.h"
-#include "scenes/viewer/carry_over.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 
@@ -25,6 +26,7 @@ struct ViewArguments {
     std::vector<std::string> overrides;
     int threads = 0, port = 8420;
     std::string tracker, record, hold;
+    StreamSettings stream;
     bool any_address = false, arm = false, remote_arm = false, no_watchdog = false;
 };
 
@@ -148,14 +150,17 @@ struct LiveRun {
     std::unique_ptr<DeadMan> dead_man{};
     nlohmann::json page_data{};
     std::unique_ptr<RunWriter> record{};
+    std::unique_ptr<Stream> stream{};
 
     bool told_failure = false;
 
     /// One step, recorded if asked for: a recording holds all runs, one after the other.
     void advance_live() {
         Simulation& s = *simulation;
-        const StepInputs inputs = next_inputs(s);
+        StepInputs inputs = next_inputs(s);
+        if (stream) stream->command(s, inputs);
         advance(s, inputs);
+        if (stream) stream->tell(s);
         if (record) record->record(inputs, s);
         if (record && !record->failure().empty() && !told_failure) {
             told_failure = true;
@@ -230,8 +235,11 @@ struct LiveRun {
 
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     using Clock = std::chrono::steady_clock;
+    if (a.stream.target == "-")
+        throw InputError("--stream -: view prints its address on standard output; expected udp:HOST:PORT");
     ViewServer server(a.port, a.any_address);
     LiveRun live{a, server};
+    if (!a.stream.target.empty()) live.stream = std::make_unique<Stream>(a.stream);
     live.start();
     if (live.hands) std::printf("hands are expected from %s\n", live.hands->source->about().c_str());
     std::printf("open %s   (Ctrl-C ends)\n", server.url().c_str());
@@ -248,7 +256,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         Simulation& s = *live.simulation;
         live.look_at_dead_man();
         const bool single = live.single_steps > 0;
-        if (!live.paused || single) {
+        if (!(live.paused || (live.stream && live.stream->paused())) || single) {
             if (!live.hands && s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
             live.advance_live();
             longest_us = std::max(longest_us, 1e6 * live.simulation->world.profile.total());
@@ -291,6 +299,7 @@ Action add_view_command(const Command& program, const std::atomic<bool>& stop) {
     c.option("--port", a->port, "port of the page (default: 8420; 0 = any free one)").range(0, 65535);
     c.option("--tracker", a->tracker,
              "fingers that follow a hand follow a live one: udp:PORT, websocket:PORT, ultraleap[:HOST:PORT]");
+    add_stream_options(c, a->stream);
     c.option("--record", a->record,
              "record inputs and outcome of every step of every run; `palpate replay` runs them again");
     c.flag("--arm", a->arm, "drive real thimbles; without it nothing moves");

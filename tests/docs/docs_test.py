@@ -3,7 +3,7 @@
 docs_test.py PROGRAM PART, where PART is
   links      links, pictures and anchors exist; README.md is short and names every command
   commands   commands, options and files of all shell lines and of all examples in --help exist
-  snippets   scenes and finger files load; Python runs
+  snippets   scenes and finger files load; Python runs; C compiles; JSON has the keys of what it stands for
   run        shell lines that are marked neither "not run" nor "slow" end well
   slow       those that are marked "slow", if PALPATE_DOCS_SLOW is set
 """
@@ -17,6 +17,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 
 import readmes
 from readmes import ROOT
@@ -212,6 +213,71 @@ def laps_of_sender(block, folder):
     check(received > frames, f"{block}: {received} frames of {2 * frames} arrived")
 
 
+def python_with_numpy():
+    """Debian's has it, where python3-numpy is installed; None: nobody's."""
+    for python in ("/usr/bin/python3", sys.executable):
+        if subprocess.run([python, "-c", "import numpy"], capture_output=True).returncode == 0:
+            return python
+    return None
+
+
+def with_package():
+    """Where `import palpate` finds the package of this checkout, and the library of this build."""
+    return dict(os.environ, PYTHONPATH=str(ROOT / "scenes/api/python"), PYTHONDONTWRITEBYTECODE="1",
+                PALPATE_LIBRARY=str(PROGRAM.parent / "libpalpate.so.0"))  # fmt: skip
+
+
+def client_of_stream(block):
+    """Runs a client of `palpate run --stream udp:127.0.0.1:5006` beside a scene; it must hear of it, and be heard."""
+    probe = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    probe.bind(("127.0.0.1", 0))
+    port = str(probe.getsockname()[1])
+    probe.close()
+    assert "5006" in block.text
+    client = subprocess.Popen([sys.executable, "-u", "-c", block.text.replace("5006", port)], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, text=True)  # fmt: skip
+    try:
+        time.sleep(0.5)
+        with tempfile.TemporaryDirectory() as out:
+            ran = program("run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--duration", "2", "--out", out + "/results",
+                          "--stream", "udp:127.0.0.1:" + port)  # fmt: skip
+    finally:
+        client.kill()
+        heard, complaints = client.communicate()
+    told = re.search(r"stream: (\d+) of (\d+) steps sent, .*; (\d+) commands, 0 that", ran.stdout)
+    check(told and int(told[1]) > 20 and int(told[3]) > 20, f"{block}: {ran.stdout[-600:]}{ran.stderr}")
+    check(len(heard.splitlines()) > 20, f"{block}: heard {heard}{complaints}")
+
+
+def keys_of(value):
+    if isinstance(value, dict):
+        return {k: keys_of(v) for k, v in value.items()}
+    return keys_of(value[0]) if isinstance(value, list) and value else None
+
+
+def check_stream_schema(block):
+    ran = program("run", str(ROOT / "scenes/press.toml"), "--duration", "0.02", "--stream", "-", "--stream-samples", "--out", "")
+    real, said = json.loads(ran.stdout.splitlines()[0]), json.loads(block.text)
+    check(keys_of(real) == keys_of(said), f"{block}: the stream has other keys: {ran.stdout[:600]}")
+    check(real["palpate"] == said["palpate"], f"{block}: another version of the schema")
+
+
+def check_languages():
+    """Blocks in C, JSON, and Python that uses the package."""
+    for block in readmes.all_blocks("c"):
+        if shutil.which("cc"):
+            ran = subprocess.run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c",
+                                  "-I", PROGRAM.parent / "api", "-"], input=block.text, capture_output=True, text=True)  # fmt: skip
+            check(ran.returncode == 0, f"{block}: {ran.stderr}")
+    for block in readmes.all_blocks("json"):
+        check_stream_schema(block)
+    python = python_with_numpy()
+    for block in readmes.all_blocks("python"):
+        if "import palpate" in block.text and python:
+            ran = subprocess.run([python, "-c", block.text], cwd=ROOT, env=with_package(), capture_output=True, text=True)
+            check(ran.returncode == 0, f"{block}: {ran.stdout}{ran.stderr}")
+
+
 def snippets():
     with tempfile.TemporaryDirectory() as scratch:
         folder = pathlib.Path(scratch)
@@ -227,8 +293,11 @@ def snippets():
     assert pythons
     for block in pythons:
         compile(block.text, str(block), "exec")
-        if "while True" in block.text:
+        if "recvfrom" in block.text:
+            client_of_stream(block)
+        elif "while True" in block.text:
             laps_of_sender(block, ROOT)
+    check_languages()
 
 
 def same_words(printed, said):
@@ -254,7 +323,7 @@ def check_output(block, printed):
 
 def run(slow=False):
     """Shell lines, one after the other, in a folder that looks like the checkout; those of a page share it."""
-    ran_any = False
+    ran_any, python = False, python_with_numpy()
     for file in readmes.readmes():
         with tempfile.TemporaryDirectory() as scratch:
             folder = pathlib.Path(scratch)
@@ -276,7 +345,10 @@ def run(slow=False):
                 for number, line in readmes.shell_commands(block):
                     if "mpirun" in line and not shutil.which("mpirun"):
                         continue
-                    environment = dict(os.environ, PATH=f"{PROGRAM.parent}:{os.environ['PATH']}",
+                    if "python3 " in line and not python:
+                        continue
+                    first = f"{PROGRAM.parent}:{pathlib.Path(python or '').parent}"
+                    environment = dict(os.environ, PATH=f"{first}:{os.environ['PATH']}", PYTHONDONTWRITEBYTECODE="1",
                                        XDG_CACHE_HOME=str(folder / "cache"))  # fmt: skip
                     ran = subprocess.run(["bash", "-c", line], cwd=folder, env=environment, capture_output=True,
                                          text=True, stdin=subprocess.DEVNULL)  # fmt: skip

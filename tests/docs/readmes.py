@@ -30,7 +30,7 @@ class Block:
 
 
 def readmes():
-    return [ROOT / "README.md"] + sorted(ROOT.glob("*/README.md"))
+    return [ROOT / "README.md"] + sorted(ROOT.glob("*/README.md")) + [ROOT / "scenes/api/README.md"]
 
 
 def blocks(file):

@@ -14,6 +14,12 @@ endforeach()
 try("unpacking" dpkg-deb -x ${package} ${SCRATCH}/root)
 try("running a scene" ${CMAKE_COMMAND} -E chdir ${SCRATCH}/empty ${SCRATCH}/root/usr/bin/palpate run press --duration 0.05
     --quiet)
+execute_process(COMMAND /usr/bin/python3 -c "import numpy" RESULT_VARIABLE lacks_numpy OUTPUT_QUIET ERROR_QUIET)
+if(lacks_numpy EQUAL 0)
+    set(ENV{PYTHONPATH} ${SCRATCH}/root/usr/lib/python3/dist-packages)
+    try("the Python package" ${CMAKE_COMMAND} -E chdir ${SCRATCH}/empty /usr/bin/python3 -B -c
+        "import palpate; world = palpate.load('press'); world.step(100); assert world.fingers[0].force[2] > 0.1")
+endif()
 if(NOT EXISTS ${SCRATCH}/empty/results/press/summary.json)
     message(FATAL_ERROR "palpate run press left no results")
 endif()

@@ -11,6 +11,7 @@ try("configuring the example" ${CMAKE_COMMAND} -S ${example} -B ${SCRATCH}/examp
     -DCMAKE_PREFIX_PATH=${prefix})
 try("building the example" ${CMAKE_COMMAND} --build ${SCRATCH}/example)
 try("one step" ${SCRATCH}/example/consumer)
+try("a preset finger in C" ${SCRATCH}/example/press)
 try("a scene and a preset" ${SCRATCH}/example/scene ${prefix}/share/palpate/scenes/press.toml)
 
 find_program(PKG_CONFIG pkg-config)
@@ -25,6 +26,12 @@ if(PKG_CONFIG)
 endif()
 
 file(MAKE_DIRECTORY ${SCRATCH}/empty)
+execute_process(COMMAND /usr/bin/python3 -c "import numpy" RESULT_VARIABLE lacks_numpy OUTPUT_QUIET ERROR_QUIET)
+if(lacks_numpy EQUAL 0)
+    set(ENV{PYTHONPATH} ${prefix}/lib/python3/dist-packages)
+    try("the Python package" ${CMAKE_COMMAND} -E chdir ${SCRATCH}/empty /usr/bin/python3 -B -c
+        "import palpate; world = palpate.load('press'); world.step(100); assert world.fingers[0].force[2] > 0.1")
+endif()
 try("running a scene by its bare name" ${CMAKE_COMMAND} -E chdir ${SCRATCH}/empty ${prefix}/bin/palpate run press
     --duration 0.05 --quiet)
 if(NOT EXISTS ${SCRATCH}/empty/results/press/summary.json)

@@ -1,0 +1,477 @@
+"""Feel virtual objects with several fingers at once.
+
+    import palpate
+    world = palpate.load("press")                   # a scene file, or one that comes with palpate
+    world.fingers["index"].pose = [0, 0, 0.006, 1, 0, 0, 0]
+    world.step(100)
+    print(world.fingers["index"].forces)            # [samples, 3] N, a view: newest after every step
+
+Units are SI: m, N, Pa, kg, s, rad. A pose is 7 numbers: position x y z, rotation as a unit quaternion w x y z, from the
+finger's or object's own frame to the world. Arrays are read-only views of palpate's memory, which every step fills anew:
+copy what you want to keep. One thread at a time steps a world; poses may be set, and snapshots read, from any thread.
+"""
+import ctypes
+
+import numpy
+
+from . import _library
+from ._library import BusyError, Error, SceneError, check, library
+
+__version__ = library.palpate_version().decode()
+__all__ = ["load", "load_text", "replay", "vector", "World", "Finger", "Object", "Thimble", "Vector", "Error", "SceneError",
+           "BusyError"]  # fmt: skip
+
+_POSITIONS, _FORCES, _TOUCHES, _PRESSURES, _AREAS, _FACES, _SAMPLE_NODES, _NODES, _REST_NODES, _TETRAHEDRA = range(10)
+_STRETCHES, _CONFIGURATION, _WANTED, _SENT, _REACHED, _BONES, _TRACKED, _NET, _TORQUES, _CENTRES = range(10, 20)
+_CONTACT_AREAS, _OBJECT_POSES, _OBJECT_MOTIONS = range(20, 23)
+_SCENE, _WARNINGS, _SETTINGS, _FOLDER, _FINGER, _OBJECT, _THIMBLE, _FILE = range(8)
+_NUMBERS = [(ctypes.c_double, numpy.float64), (ctypes.c_int32, numpy.int32), (ctypes.c_uint8, numpy.uint8)]
+
+
+def _definition(settings, threads, folder=None):
+    texts = [s.encode() for s in ([settings] if isinstance(settings, str) else settings)]
+    definition = _library.WorldDef(threads=threads, setting_count=len(texts), folder=str(folder).encode() if folder else None)
+    definition.settings = (ctypes.c_char_p * max(1, len(texts)))(*texts)
+    return definition
+
+
+def _made(function, *arguments):
+    id = ctypes.c_int64()
+    check(function(*arguments, ctypes.byref(id)))
+    return World(_library.Handle(id.value))
+
+
+def load(scene, settings=(), threads=1):
+    """A world from a scene file, or from the name of a scene that comes with palpate ("hand").
+
+    settings: texts such as "solver.preset=balanced"; threads: that a step uses, 0 for as many as the machine has.
+    """
+    return _made(library.palpate_load, str(scene).encode(), _definition(settings, threads))
+
+
+def load_text(text, settings=(), threads=1, folder=None):
+    """A world from the text of a scene (TOML); `folder` is where the files that it names are."""
+    return _made(library.palpate_load_text, text.encode(), _definition(settings, threads, folder))
+
+
+def replay(file, run=1, threads=1):
+    """A world that goes through a recorded run again: step() takes what went in then. See World.replayed."""
+    return _made(library.palpate_load_replay, str(file).encode(), run, _definition((), threads))
+
+
+_Seven = ctypes.c_double * 7
+
+
+def _numbers_of_pose(pose):
+    if len(pose) != 7:
+        raise ValueError(f"a pose is 7 numbers: position x y z [m], rotation w x y z; found {len(pose)}")
+    return _Seven(*pose)
+
+
+class _Named:
+    """Finger, objects or thimbles, by name or number."""
+
+    def __init__(self, what, rows, names):
+        self._what, self._rows, self._names = what, rows, names
+
+    def __getitem__(self, key):
+        if isinstance(key, str):
+            if key not in self._names:
+                raise KeyError(f"there is no {self._what} {key!r}; there are: {', '.join(self._names)}")
+            return self._rows[self._names.index(key)]
+        return self._rows[key]
+
+    def __len__(self):
+        return len(self._rows)
+
+    def __iter__(self):
+        return iter(self._rows)
+
+    def __contains__(self, name):
+        return name in self._names
+
+    def keys(self):
+        """The names."""
+        return list(self._names)
+
+    def __repr__(self):
+        return f"<{len(self)} {self._what}s: {', '.join(self._names)}>"
+
+
+def _view(field, doc):
+    def get(self):
+        return self._world._view(field, self.index)
+
+    get.__doc__ = doc
+    return property(get)
+
+
+def _row(field, part, doc):
+    def get(self):
+        return self._world._view(field, -1)[self.index][part]
+
+    get.__doc__ = doc
+    return property(get)
+
+
+class Finger:
+    """A finger of a world."""
+
+    def __init__(self, world, index, name):
+        self._world, self.index, self.name = world, index, name
+
+    @property
+    def pose(self):
+        """Tracked pose [7]: the newest that was seen. Set it, and the finger follows that instead of its track from the
+        next step on; None: its tracker does not see it."""
+        return self._world._view(_TRACKED, -1)[self.index]
+
+    @pose.setter
+    def pose(self, pose):
+        id = self._world._handle.id
+        if pose is None:
+            return check(library.palpate_set_finger_pose(id, self.index, None))
+        check(library.palpate_set_finger_pose(id, self.index, _numbers_of_pose(pose)))
+
+    def release(self):
+        """It follows its track again."""
+        check(library.palpate_release_finger(self._world._handle.id, self.index))
+
+    bone = _row(_BONES, slice(None), "Pose of its bone [7].")
+    force = _row(_NET, slice(None), "Net contact force on the skin [3], world [N].")
+    torque = _row(_TORQUES, slice(None), "Torque of its contact forces about the bone's origin [3], world [N m].")
+    centre = _row(_CENTRES, slice(None), "Centre of pressure [3], world [m]; NaN where nothing pushes.")
+    area = _row(_CONTACT_AREAS, (), "Contact area [m^2].")
+    positions = _view(_POSITIONS, "Places of its samples [S, 3], world [m].")
+    forces = _view(_FORCES, "Contact forces on its samples [S, 3], world [N].")
+    touches = _view(_TOUCHES, "1 for each sample that is pushed [S].")
+    pressures = _view(_PRESSURES, "Contact pressure by sample [S], [Pa].")
+    areas = _view(_AREAS, "Share of each sample in the surface at rest [S], [m^2].")
+    faces = _view(_FACES, "Triangles of the pad [F, 3], samples, outward.")
+    sample_nodes = _view(_SAMPLE_NODES, "Node of each sample [S].")
+    nodes = _view(_NODES, "All nodes [N, 3], world [m].")
+    rest_nodes = _view(_REST_NODES, "All nodes at rest [N, 3], finger frame [m].")
+    tetrahedra = _view(_TETRAHEDRA, "Nodes of each tetrahedron [E, 4].")
+    stretches = _view(_STRETCHES, "Smallest and largest principal stretch of each tetrahedron [E, 2].")
+
+    @property
+    def state(self):
+        """What the last step did: see PalpateFingerState in palpate.h (converged, residual, iterations, ...)."""
+        state = _library.FingerState()
+        check(library.palpate_get_finger(self._world._handle.id, self.index, ctypes.byref(state)))
+        return state
+
+    def snapshot(self):
+        """From any thread: (state, positions [S, 3], forces [S, 3]) of the newest step, as copies. The world's owner calls
+        world.keep_snapshots() before."""
+        state, count = _library.FingerState(), ctypes.c_int32()
+        id = self._world._handle.id
+        check(library.palpate_read_snapshot(id, self.index, ctypes.byref(state), None, None, 0, ctypes.byref(count)))
+        positions, forces = numpy.empty((count.value, 3)), numpy.empty((count.value, 3))
+        check(library.palpate_read_snapshot(id, self.index, ctypes.byref(state), positions.ctypes.data, forces.ctypes.data,
+                                            count, None))  # fmt: skip
+        return state, positions, forces
+
+    @property
+    def thimble(self):
+        """The thimble that it wears; None where it wears none."""
+        return next((t for t in self._world.thimbles if t.state.finger == self.index), None)
+
+    def __repr__(self):
+        x, y, z = self.force
+        return f"<finger {self.name}: {x:.3f} {y:.3f} {z:.3f} N on {1e6 * self.area:.1f} mm2>"
+
+
+class Object:
+    """An object of a world."""
+
+    def __init__(self, world, index, name):
+        self._world, self.index, self.name = world, index, name
+
+    @property
+    def pose(self):
+        """Pose [7]. Set it where no forces move the object, and it goes there in the next step."""
+        return self._world._view(_OBJECT_POSES, -1)[self.index]
+
+    @pose.setter
+    def pose(self, pose):
+        check(library.palpate_set_object_pose(self._world._handle.id, self.index, _numbers_of_pose(pose)))
+
+    def release(self):
+        """It stays, or follows its track, again."""
+        check(library.palpate_release_object(self._world._handle.id, self.index))
+
+    velocity = _row(_OBJECT_MOTIONS, slice(0, 3), "Velocity of its centre of mass [3], [m/s].")
+    spin = _row(_OBJECT_MOTIONS, slice(3, 6), "Angular velocity [3], world [rad/s].")
+
+    @property
+    def state(self):
+        """See PalpateObjectState in palpate.h: moves, pose, velocity, spin, force, torque."""
+        state = _library.ObjectState()
+        check(library.palpate_get_object(self._world._handle.id, self.index, ctypes.byref(state)))
+        return state
+
+    def __repr__(self):
+        x, y, z = 1e3 * self.pose[:3]
+        return f"<object {self.name} at {x:.2f} {y:.2f} {z:.2f} mm>"
+
+
+class Thimble:
+    """A simulated thimble of a world."""
+
+    def __init__(self, world, index, name):
+        self._world, self.index, self.kind = world, index, name
+
+    configuration = _view(_CONFIGURATION, "Its configuration [C], [rad or m].")
+    wanted = _view(_WANTED, "Joint angles of the newest match [J], [rad].")
+    sent = _view(_SENT, "Joint angles sent, in range and slew-limited [J], [rad].")
+    reached = _view(_REACHED, "Joint angles that its servos have reached [J], [rad].")
+
+    @property
+    def state(self):
+        """See PalpateThimbleState in palpate.h."""
+        state = _library.ThimbleState()
+        check(library.palpate_get_thimble(self._world._handle.id, self.index, ctypes.byref(state)))
+        return state
+
+    def __repr__(self):
+        return f"<thimble {self.kind}: {numpy.degrees(self.sent).round(1)} degrees>"
+
+
+class World:
+    """A scene that is being run; made by load, load_text, replay or copy."""
+
+    def __init__(self, handle):
+        self._handle, self._views = handle, {}
+        info = self._info()
+        self.fingers = self._named("finger", Finger, info.finger_count, _FINGER)
+        self.objects = self._named("object", Object, info.object_count, _OBJECT)
+        self.thimbles = self._named("thimble", Thimble, info.thimble_count, _THIMBLE)
+
+    def _named(self, what, kind, count, text):
+        names = [self._text(text, i) for i in range(count)]
+        return _Named(what, [kind(self, i, name) for i, name in enumerate(names)], names)
+
+    def _info(self):
+        info = _library.WorldInfo()
+        check(library.palpate_get_info(self._handle.id, ctypes.byref(info)))
+        return info
+
+    def _text(self, text, index=0):
+        needed = ctypes.c_int64()
+        check(library.palpate_get_text(self._handle.id, text, index, None, 0, ctypes.byref(needed)))
+        buffer = ctypes.create_string_buffer(needed.value)
+        check(library.palpate_get_text(self._handle.id, text, index, buffer, needed, None))
+        return buffer.value.decode(errors="replace")
+
+    def _view(self, field, index):
+        try:
+            return self._views[field, index]
+        except KeyError:
+            pass
+        view = _library.View()
+        check(library.palpate_view(self._handle.id, field, index, ctypes.byref(view)))
+        number, dtype = _NUMBERS[view.type]
+        shape = tuple(view.shape[: view.rank])
+        size = int(numpy.prod(shape))
+        if size == 0:
+            return self._views.setdefault((field, index), numpy.zeros(shape, dtype))
+        memory = (number * size).from_address(view.data)
+        memory.handle = self._handle  # the world lives as long as its views
+        array = numpy.frombuffer(memory, dtype).reshape(shape)
+        array.flags.writeable = False
+        return self._views.setdefault((field, index), array)
+
+    def step(self, n=1):
+        """n steps."""
+        code = library.palpate_step(self._handle.id, n)
+        if code:
+            check(code)
+
+    def step_to(self, time):
+        """Steps until the simulated time [s] is reached to half a step."""
+        check(library.palpate_step_to(self._handle.id, time))
+
+    bones = property(lambda self: self._view(_BONES, -1), doc="Bone poses [fingers, 7].")
+    tracked_poses = property(lambda self: self._view(_TRACKED, -1), doc="Newest tracked poses [fingers, 7].")
+    forces = property(lambda self: self._view(_NET, -1), doc="Net contact forces [fingers, 3], world [N].")
+    torques = property(lambda self: self._view(_TORQUES, -1), doc="Their torques [fingers, 3], [N m].")
+    centres = property(lambda self: self._view(_CENTRES, -1), doc="Centres of pressure [fingers, 3], [m].")
+    areas = property(lambda self: self._view(_CONTACT_AREAS, -1), doc="Contact areas [fingers], [m^2].")
+    object_poses = property(lambda self: self._view(_OBJECT_POSES, -1), doc="Poses of objects [objects, 7].")
+    object_motions = property(lambda self: self._view(_OBJECT_MOTIONS, -1), doc="Velocities, angular velocities [objects, 6].")
+
+    time = property(lambda self: self._info().time, doc="Simulated time [s].")
+    dt = property(lambda self: self._info().dt, doc="Length of a step [s].")
+    duration = property(lambda self: self._info().duration, doc="Of a run of the program [s].")
+    steps = property(lambda self: self._info().step, doc="Steps done.")
+    generation = property(lambda self: self._info().generation, doc="Grows whenever views change.")
+    scene = property(lambda self: self._text(_SCENE), doc="Text of the scene.")
+    settings = property(lambda self: [s for s in self._text(_SETTINGS).split("\n") if s], doc="What was set over it.")
+    warnings = property(lambda self: [w for w in self._text(_WARNINGS).split("\n") if w], doc="Likely mistakes in the scene.")
+
+    def set(self, *settings):
+        """Changes settings while it runs: world.set("finger.index.material.young_kPa=40")."""
+        texts = [s.encode() for s in settings]
+        check(library.palpate_set(self._handle.id, (ctypes.c_char_p * max(1, len(texts)))(*texts), len(texts)))
+
+    def save(self):
+        """The whole state as bytes: a branch point."""
+        size = ctypes.c_int64()
+        check(library.palpate_save(self._handle.id, None, 0, ctypes.byref(size)))
+        state = ctypes.create_string_buffer(size.value)
+        check(library.palpate_save(self._handle.id, state, size, ctypes.byref(size)))
+        return state.raw[: size.value]
+
+    def restore(self, state):
+        """Back to a saved state, of this world or another of the same scene and settings: it goes on with the same bits."""
+        check(library.palpate_restore(self._handle.id, state, len(state)))
+
+    def copy(self):
+        """Another world in the same state."""
+        return _made(library.palpate_clone, self._handle.id)
+
+    __copy__ = copy
+
+    def __deepcopy__(self, memo):
+        return self.copy()
+
+    def __reduce__(self):
+        file = self._text(_FILE)
+        return _unpickled, (file, None if file else self.scene, self._text(_FOLDER), self.settings, self.save())
+
+    def keep_snapshots(self, on=True):
+        """From now on every step leaves a snapshot for Finger.snapshot()."""
+        check(library.palpate_keep_snapshots(self._handle.id, on))
+
+    def record(self, file):
+        """From the first step on everything is recorded into a file, which `palpate replay` and palpate.replay read."""
+        check(library.palpate_record(self._handle.id, str(file).encode()))
+
+    def end_recording(self):
+        """Ends the recording in order."""
+        check(library.palpate_end_recording(self._handle.id))
+
+    @property
+    def replayed(self):
+        """Of a replay: steps, done, same (1 while all came out the same bit for bit), different (first step that did not)."""
+        state = _library.ReplayState()
+        check(library.palpate_get_replay(self._handle.id, ctypes.byref(state)))
+        return state
+
+    def __repr__(self):
+        return f"<palpate world at {self.time:.4f} s: {len(self.fingers)} fingers, {len(self.objects)} objects, {len(self.thimbles)} thimbles>"
+
+    def _repr_html_(self):
+        rows = "".join(
+            f"<tr><td>{f.name}</td><td>{numpy.linalg.norm(f.force):.3f}</td><td>{1e6 * f.area:.1f}</td></tr>" for f in self.fingers
+        )
+        return f"<p>palpate, {self.time:.4f} s</p><table><tr><th>finger</th><th>force N</th><th>area mm2</th></tr>{rows}</table>"
+
+
+def _unpickled(file, text, folder, settings, state):
+    world = load(file, settings) if file else load_text(text, settings, folder=folder)
+    world.restore(state)
+    return world
+
+
+class Vector:
+    """n worlds of one scene that are stepped together, in parallel, after gymnasium's convention for vector environments.
+
+    actions: [n, fingers, 3] positions or [n, fingers, 7] poses of the tracked fingers; 3 keep the rotation that they
+    begin with. Observations: float64 [n, observation_size], per finger bone pose 7, force 3, torque 3, area 1, then per
+    object pose 7, velocity 3, angular velocity 3. Derive from it and override reward, terminated and start.
+    """
+
+    def __init__(self, scene, n, settings=(), substeps=1, horizon=None):
+        """scene: as of load; substeps: steps of the simulation per action; horizon: actions until truncation, by default
+        the scene's duration."""
+        first = scene if isinstance(scene, World) else load(scene, settings)
+        self.worlds = [first] + [first.copy() for _ in range(n - 1)]
+        self.n, self.substeps = n, substeps
+        self.finger_count, self.object_count = len(first.fingers), len(first.objects)
+        self.horizon = horizon or max(1, round(first.duration / (first.dt * substeps)))
+        self._begin = first.save()
+        self._rotations = first.tracked_poses[:, 3:].copy()
+        self._ids = numpy.array([w._handle.id for w in self.worlds], dtype=numpy.int64)
+        self.random = numpy.random.default_rng()
+        self.count = 0
+        per_finger, per_object = [(_BONES, 7), (_NET, 3), (_TORQUES, 3), (_CONTACT_AREAS, 1)], [(_OBJECT_POSES, 7), (_OBJECT_MOTIONS, 6)]
+        parts = [(field, width, self.finger_count) for field, width in per_finger]
+        parts += [(field, width, self.object_count) for field, width in per_object]
+        self.observation_size = sum(width * rows for _, width, rows in parts)
+        self._sources, at = [], 0
+        for field, width, rows in parts:
+            views = [w._view(field, -1).reshape(-1) for w in self.worlds]
+            self._sources.append((slice(at, at + width * rows), views))
+            at += width * rows
+        self.observations = numpy.zeros((n, self.observation_size))
+
+    def _observe(self):
+        for part, views in self._sources:
+            if part.start != part.stop:
+                numpy.stack(views, out=self.observations[:, part])
+        return self.observations
+
+    def field(self, name):
+        """One part of the observations [n, rows, width]: bones, forces, torques, areas, objects, motions."""
+        place = ["bones", "forces", "torques", "areas", "objects", "motions"].index(name)
+        part = self._sources[place][0]
+        rows = self.finger_count if place < 4 else self.object_count
+        return self.observations[:, part].reshape(self.n, rows, -1)
+
+    def start(self):
+        """What a reset does to the fresh worlds; self.random is seeded. Does nothing."""
+
+    def reward(self):
+        """Rewards [n] of what self.observations show: 0."""
+        return numpy.zeros(self.n)
+
+    def terminated(self):
+        """Which worlds have come to their end [n]: none."""
+        return numpy.zeros(self.n, dtype=bool)
+
+    def reset(self, seed=None):
+        """All worlds as they began. Returns observations, {}."""
+        if seed is not None:
+            self.random = numpy.random.default_rng(seed)
+        for world in self.worlds:
+            world.restore(self._begin)
+        self.count = 0
+        self.start()
+        return self._observe(), {}
+
+    def act(self, actions):
+        """Sets the tracked poses [n, fingers, 3 or 7] of the next steps."""
+        actions = numpy.asarray(actions, dtype=numpy.float64)
+        if actions.ndim != 3 or actions.shape[:2] != (self.n, self.finger_count) or actions.shape[2] not in (3, 7):
+            raise ValueError(f"actions: expected [{self.n}, {self.finger_count}, 3 or 7], found {list(actions.shape)}")
+        poses = numpy.empty((self.n, self.finger_count, 7))
+        poses[:, :, 3:] = self._rotations
+        poses[:, :, : actions.shape[2]] = actions
+        set_pose, at = library.palpate_set_finger_pose, poses.ctypes.data
+        for id in self._ids.tolist():
+            for finger in range(self.finger_count):
+                check(set_pose(id, finger, at))
+                at += 56
+
+    def step(self, actions=None):
+        """One action in every world; None: fingers go on as they did. Returns observations, rewards, terminated,
+        truncated, {}; each [n, ...]."""
+        if actions is not None:
+            self.act(actions)
+        check(library.palpate_step_many(self._ids.ctypes.data, self.n, self.substeps))
+        self.count += 1
+        observations = self._observe()
+        return observations, self.reward(), self.terminated(), numpy.full(self.n, self.count >= self.horizon), {}
+
+    def __len__(self):
+        return self.n
+
+    def __repr__(self):
+        return f"<{self.n} palpate worlds, {self.observation_size} observations each>"
+
+
+def vector(scene, n, settings=(), substeps=1, horizon=None):
+    """n worlds of one scene that are stepped together: see Vector."""
+    return Vector(scene, n, settings, substeps, horizon)

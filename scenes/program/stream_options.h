@@ -1,0 +1,11 @@
+#pragma once
+
+#include "scenes/program/options.h"
+#include "scenes/stream/stream.h"
+
+namespace palpate {
+
+/// --stream and what belongs to it.
+void add_stream_options(const Command& command, StreamSettings& stream);
+
+}  // namespace palpate

@@ -1,0 +1,275 @@
+#include "scenes/stream/stream.h"
+
+#include <netdb.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "devices/loop/clock.h"
+#include "meshes/input_error.h"
+#include "scenes/stream/stream_message.h"
+#include "scenes/web/bounded_json.h"
+
+namespace palpate {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::size_t largest_datagram = 65000;
+
+/// A pose that somebody commands; none: a finger is not seen.
+using Commanded = std::map<std::string, std::optional<Pose<double>>>;
+
+int connected_socket(const std::string& target) {
+    const std::string where = "--stream " + target + ": expected udp:HOST:PORT, or - for standard output";
+    const std::size_t colon = target.rfind(':');
+    if (!target.starts_with("udp:") || colon <= 4 || colon + 1 >= target.size()) throw InputError(where);
+    const std::string host = target.substr(4, colon - 4), port = target.substr(colon + 1);
+    addrinfo hints{};
+    hints.ai_socktype = SOCK_DGRAM;
+    hints.ai_flags = AI_NUMERICSERV;
+    addrinfo* found = nullptr;
+    if (const int error = getaddrinfo(host.c_str(), port.c_str(), &hints, &found); error != 0)
+        throw InputError(where + ": " + gai_strerror(error));
+    int socket = -1;
+    for (const addrinfo* a = found; a && socket < 0; a = a->ai_next) {
+        socket = ::socket(a->ai_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+        if (socket >= 0 && connect(socket, a->ai_addr, a->ai_addrlen) != 0) close(std::exchange(socket, -1));
+    }
+    freeaddrinfo(found);
+    if (socket < 0) throw InputError(where + ": " + std::strerror(errno));
+    const int room = 1 << 20;
+    setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &room, sizeof room);
+    return socket;
+}
+
+/// Seven finite numbers with a rotation that is none of zero.
+bool read_pose(const nlohmann::json& j, Pose<double>& pose) {
+    if (!j.is_array() || j.size() != 7) return false;
+    double v[7];
+    for (std::size_t i = 0; i < 7; ++i) {
+        if (!j[i].is_number()) return false;
+        v[i] = j[i].get<double>();
+        if (!std::isfinite(v[i]) || std::abs(v[i]) > 1e6) return false;
+    }
+    pose = {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}};
+    const double square = v[3] * v[3] + v[4] * v[4] + v[5] * v[5] + v[6] * v[6];
+    if (square < 1e-12) return false;
+    if (std::abs(square - 1) > 1e-14) pose.rotation = normalised(pose.rotation);
+    return true;
+}
+
+}  // namespace
+
+/// A ring from the step to the thread that writes; the step never waits.
+struct Stream::Work {
+    StreamSettings settings;
+    int socket = -1;  ///< -1: standard output
+    StreamNames names;
+    static constexpr std::uint64_t ring = 64;
+    std::array<StreamNumbers, ring> steps;
+    std::atomic<std::uint64_t> written{0}, taken{0};  ///< steps ever put in, and taken out
+    std::atomic<bool> ending{false}, samples{false}, paused{false}, cut{false};
+    std::atomic<std::int64_t> told{0}, sent{0}, left_out{0}, commands{0}, wrong{0};
+    double next = 0;  ///< simulated time of the next line [s]
+    std::mutex lock;  ///< of the commanded poses; the step does not wait for it
+    Commanded fingers, objects;
+    std::atomic<std::uint64_t> commanded{0};  ///< changes of these
+    std::uint64_t obeyed = 0;                 ///< of the step: what it has of them
+    Commanded fingers_now, objects_now;
+    Clock::time_point last_chance{};
+    std::thread sender, receiver;
+
+    ~Work() {
+        ending = true;
+        if (sender.joinable()) sender.join();
+        if (receiver.joinable()) receiver.join();
+        if (socket >= 0) close(socket);
+    }
+
+    void send_all() {
+        // A reader of standard output that goes away is no reason to die.
+        sigset_t pipe;
+        sigemptyset(&pipe);
+        sigaddset(&pipe, SIGPIPE);
+        pthread_sigmask(SIG_BLOCK, &pipe, nullptr);
+        std::string line;
+        while (!cut) {
+            const std::uint64_t from = taken.load(std::memory_order_relaxed),
+                                to = written.load(std::memory_order_acquire);
+            if (from == to) {
+                if (ending) return;
+                std::this_thread::sleep_for(std::chrono::microseconds(300));
+                continue;
+            }
+            // Far behind: the newest are worth more than the oldest.
+            const std::uint64_t at = to - from > ring / 2 ? to - ring / 4 : from;
+            left_out += std::int64_t(at - from);
+            line.clear();
+            append_line(steps[at % ring], names, true, line);
+            if (socket >= 0 && line.size() > largest_datagram) {
+                line.clear();
+                append_line(steps[at % ring], names, false, line);
+            }
+            taken.store(at + 1, std::memory_order_release);
+            if (socket >= 0 ? send_datagram(line) : write_line(line)) ++sent;
+        }
+    }
+    bool send_datagram(const std::string& line) {
+        // Nobody listens, or the buffer is full: the next line is newer.
+        if (::send(socket, line.data(), line.size() - 1, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return true;
+        ++left_out;
+        return false;
+    }
+    bool write_line(const std::string& line) {
+        for (std::size_t at = 0; at < line.size();) {
+            pollfd p{STDOUT_FILENO, POLLOUT, 0};
+            if (poll(&p, 1, 50) <= 0) {
+                if (ending && Clock::now() > last_chance) cut = true;
+                if (cut) return false;
+                continue;
+            }
+            // A pipe that can be written to takes this much at once.
+            const ssize_t n = ::write(STDOUT_FILENO, line.data() + at, std::min<std::size_t>(line.size() - at, 4096));
+            if (n < 0 && errno != EINTR && errno != EAGAIN) {
+                cut = true;
+                return false;
+            }
+            if (n > 0) at += std::size_t(n);
+        }
+        return true;
+    }
+
+    void receive() {
+        std::vector<char> buffer(65536);
+        while (!ending) {
+            pollfd p{socket, POLLIN, 0};
+            if (poll(&p, 1, 50) <= 0) continue;
+            const ssize_t n = recv(socket, buffer.data(), buffer.size(), 0);
+            if (n < 0) {
+                std::this_thread::sleep_for(std::chrono::milliseconds(1));  // refused: nobody listens yet
+                continue;
+            }
+            ++(take_command({buffer.data(), std::size_t(n)}) ? commands : wrong);
+        }
+    }
+    bool take_command(std::string_view text) {
+        std::string problem;
+        const nlohmann::json j = parse_object(text, problem);
+        if (!problem.empty()) return false;
+        bool known = false;
+        for (auto [key, flag] : {std::pair{"pause", &paused}, {"samples", &samples}})
+            if (j.contains(key) && j[key].is_boolean()) *flag = j[key].get<bool>(), known = true;
+        known |= take_pose(j, "finger", true, fingers);
+        known |= take_pose(j, "object", false, objects);
+        return known;
+    }
+    bool take_pose(const nlohmann::json& j, const char* what, bool may_be_unseen, Commanded& all) {
+        if (!j.contains(what) || !j[what].is_string()) return false;
+        const std::string name = j[what].get<std::string>();
+        Pose<double> pose = Pose<double>::identity();
+        const bool release = j.contains("release"), unseen = may_be_unseen && j.contains("pose") && j["pose"].is_null();
+        if (!release && !unseen && !(j.contains("pose") && read_pose(j["pose"], pose))) return false;
+        const std::lock_guard guard(lock);
+        if (release)
+            all.erase(name);
+        else if (all.size() < 1000 || all.contains(name))
+            all[name] = unseen ? std::nullopt : std::optional(pose);
+        ++commanded;
+        return true;
+    }
+};
+
+std::string to_text(const StreamCounts& c) {
+    std::string text = "stream: " + std::to_string(c.sent) + " of " + std::to_string(c.told) + " steps sent, " +
+                       std::to_string(c.left_out) + " left out";
+    if (c.commands + c.wrong_commands > 0)
+        text += "; " + std::to_string(c.commands) + " commands, " + std::to_string(c.wrong_commands) +
+                " that could not be read";
+    return text + (c.cut ? "; whoever read it has gone" : "");
+}
+
+void obey(Stream& stream, Simulation& s, StepInputs& inputs, const std::atomic<bool>& stop) {
+    const bool waits = stream.paused();
+    while (stream.paused() && !stop) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    if (waits && s.pace) s.pace->due = device_clock();
+    stream.command(s, inputs);
+}
+
+Stream::Stream(const StreamSettings& settings) : work_(std::make_unique<Work>()) {
+    work_->settings = settings;
+    work_->samples = settings.samples;
+    if (settings.target != "-") work_->socket = connected_socket(settings.target);
+}
+
+Stream::~Stream() {
+    work_->last_chance = Clock::now() + std::chrono::milliseconds(500);
+    work_.reset();
+}
+
+void Stream::tell(const Simulation& s) {
+    Work& w = *work_;
+    if (w.settings.rate > 0) {
+        if (s.world.time < w.next && s.world.time > w.next - 2 / w.settings.rate) return;
+        w.next = s.world.time + 1 / w.settings.rate - 0.5 * s.world.solver.dt;
+    }
+    if (!w.sender.joinable()) {
+        w.names = stream_names(s);
+        w.sender = std::thread([&w] { w.send_all(); });
+        if (w.socket >= 0) w.receiver = std::thread([&w] { w.receive(); });
+    }
+    w.told.fetch_add(1, std::memory_order_relaxed);
+    const std::uint64_t at = w.written.load(std::memory_order_relaxed);
+    const bool other_scene = w.names.fingers.size() != s.fingers.size() ||
+                             w.names.objects.size() != s.world.shapes.size() ||
+                             w.names.kinds.size() != s.world.matchings.size();
+    if (other_scene || at - w.taken.load(std::memory_order_acquire) >= Work::ring) {
+        w.left_out.fetch_add(1, std::memory_order_relaxed);
+        return;
+    }
+    take_numbers(s, w.names, w.samples, w.steps[at % Work::ring]);
+    w.written.store(at + 1, std::memory_order_release);
+}
+
+void Stream::command(const Simulation& s, StepInputs& inputs) {
+    Work& w = *work_;
+    if (w.commanded.load(std::memory_order_relaxed) != w.obeyed)
+        if (const std::unique_lock guard(w.lock, std::try_to_lock); guard) {
+            w.fingers_now = w.fingers, w.objects_now = w.objects;
+            w.obeyed = w.commanded;
+        }
+    if (w.obeyed == 0) return;
+    for (std::size_t i = 0; i < inputs.fingers.size(); ++i) {
+        const auto found = w.fingers_now.find(s.world.skins[i].name);
+        if (found == w.fingers_now.end()) continue;
+        inputs.fingers[i].valid = found->second.has_value();
+        if (found->second) inputs.fingers[i].pose = *found->second;
+        inputs.fingers[i].time = s.world.time + s.world.solver.dt;
+    }
+    for (std::size_t i = 0; i < inputs.objects.size(); ++i) {
+        const RigidShape& shape = s.world.shapes[i];
+        const auto found = w.objects_now.find(shape.name);
+        if (found != w.objects_now.end() && found->second && shape.body < 0 && shape.held_body < 0)
+            inputs.objects[i] = *found->second;
+    }
+}
+
+bool Stream::paused() const { return work_->paused; }
+
+StreamCounts Stream::counts() const {
+    const Work& w = *work_;
+    return {w.told, w.sent, w.left_out, w.commands, w.wrong, w.cut};
+}
+
+}  // namespace palpate

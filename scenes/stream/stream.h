@@ -1,0 +1,57 @@
+#pragma once
+// What fingers feel, told to other programs while a scene runs, and poses from them: a line of JSON a step
+// (stream_message.h), to standard output, or as datagrams of UDP, whose answers are commands. The step hands numbers
+// over and goes on; a thread of its own writes and sends them. Where that, or whoever reads, is slower than the steps,
+// steps are left out, the oldest first.
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "scenes/run/simulation.h"
+
+namespace palpate {
+
+struct StreamSettings {
+    std::string target;    ///< "udp:HOST:PORT", or "-": standard output
+    double rate = 0;       ///< lines per simulated second at most; 0: one a step
+    bool samples = false;  ///< with places and forces of every sample
+};
+
+struct StreamCounts {
+    std::int64_t told = 0;      ///< steps
+    std::int64_t sent = 0;      ///< lines
+    std::int64_t left_out = 0;  ///< steps, because writing took longer
+    std::int64_t commands = 0, wrong_commands = 0;
+    bool cut = false;  ///< whoever reads standard output has gone
+};
+
+/// In a line, for a person.
+std::string to_text(const StreamCounts& counts);
+
+class Stream {
+  public:
+    /// Throws InputError where there is no such target.
+    explicit Stream(const StreamSettings& settings);
+    /// Sends what is waiting, for half a second at most.
+    ~Stream();
+    Stream(const Stream&) = delete;
+    Stream& operator=(const Stream&) = delete;
+
+    /// Call after every step. Does not wait.
+    void tell(const Simulation& simulation);
+    /// Puts poses that were commanded into the inputs of the next step. Does not wait.
+    void command(const Simulation& simulation, StepInputs& inputs);
+    /// Whether somebody has asked to pause.
+    bool paused() const;
+    StreamCounts counts() const;
+
+  private:
+    struct Work;
+    std::unique_ptr<Work> work_;
+};
+
+/// What commands ask for, before a step: poses in `inputs`; waits while it is paused.
+void obey(Stream& stream, Simulation& simulation, StepInputs& inputs, const std::atomic<bool>& stop);
+
+}  // namespace palpate

@@ -1,0 +1,182 @@
+"""The Python package as its users see it: python_test.py PROGRAM (with PYTHONPATH and PALPATE_LIBRARY set)."""
+import copy
+import gc
+import pathlib
+import pickle
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+import numpy
+
+import palpate
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PROGRAM = sys.argv.pop(1) if len(sys.argv) > 1 else str(ROOT / "build/release/palpate")
+SMALL = """
+duration_s = 0.1
+dt_ms = 1
+[solver]
+preset = "balanced"
+[[object]]
+name = "table"
+kind = "plane"
+friction = 0.5
+[[finger]]
+name = "index"
+elements = 120
+device = { kind = "chinello-3rrs" }
+track = [ { t_s = 0, position_mm = [0, 0, 10] }, { t_s = 0.05, position_mm = [0, 0, 6] } ]
+"""
+
+
+class Palpate(unittest.TestCase):
+    def test_views_are_live_and_read_only_and_keep_the_world(self):
+        world = palpate.load_text(SMALL)
+        finger = world.fingers["index"]
+        forces = finger.forces
+        self.assertEqual(forces.shape, finger.positions.shape)
+        self.assertEqual((len(forces),), finger.pressures.shape)
+        self.assertEqual(0, numpy.abs(forces).sum())
+        world.step(60)
+        self.assertGreater(forces[:, 2].sum(), 0.05)
+        numpy.testing.assert_allclose(forces.sum(axis=0), finger.force, atol=1e-12)
+        self.assertTrue(numpy.isfinite(finger.centre).all())
+        self.assertGreater(finger.area, 0)
+        self.assertEqual(finger.touches.dtype, numpy.uint8)
+        self.assertEqual(finger.faces.shape[1], 3)
+        self.assertLess(finger.stretches[:, 0].min(), 1)
+        self.assertEqual(1, finger.state.converged)
+        with self.assertRaises(ValueError):
+            forces[0, 0] = 1
+        kept = forces.copy()
+        del world, finger
+        gc.collect()
+        numpy.testing.assert_array_equal(kept, forces)
+
+    def test_poses_and_thimbles(self):
+        world = palpate.load_text(SMALL)
+        finger = world.fingers[0]
+        finger.pose = [0.001, 0, 0.006, 1, 0, 0, 0]
+        world.step(100)
+        numpy.testing.assert_allclose(finger.pose[:3], [0.001, 0, 0.006])
+        numpy.testing.assert_allclose(finger.bone[:3], [0.001, 0, 0.006], atol=1e-3)
+        self.assertIs(finger.thimble, world.thimbles[0])
+        self.assertGreater(numpy.abs(finger.thimble.sent).sum(), 0)
+        finger.pose = None
+        world.step(10)
+        self.assertAlmostEqual(0.010, finger.state.silent)
+        world.objects["table"].pose = [0, 0, -0.02, 1, 0, 0, 0]
+        world.step(5)
+        self.assertEqual(0, finger.area)
+
+    def test_what_is_wrong_is_said(self):
+        world = palpate.load_text(SMALL)
+        with self.assertRaisesRegex(KeyError, "there are: index"):
+            world.fingers["thumb"]
+        with self.assertRaisesRegex(palpate.SceneError, "scene:1:"):
+            palpate.load_text("duration_s = -1")
+        with self.assertRaisesRegex(ValueError, "7 numbers"):
+            world.fingers[0].pose = [1, 2, 3]
+        with self.assertRaisesRegex(palpate.Error, "finite"):
+            world.fingers[0].pose = [numpy.nan, 0, 0, 1, 0, 0, 0]
+        with self.assertRaisesRegex(palpate.Error, "step in parts"):
+            world.step(2**31 - 1)
+        with self.assertRaisesRegex(palpate.Error, "new world"):
+            world.set("finger.index.elements=300")
+
+    def test_the_same_bits_as_the_program(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / "run.palpate"
+            scene = pathlib.Path(folder) / "small.toml"
+            scene.write_text(SMALL)
+            subprocess.run([PROGRAM, "run", scene, "--quiet", "--record", file, "--out", pathlib.Path(folder) / "out"], check=True)
+            world, again = palpate.load(scene), palpate.replay(file)
+            while again.replayed.done < again.replayed.steps:
+                again.step()
+                world.step()
+                for name in ("nodes", "forces"):
+                    numpy.testing.assert_array_equal(getattr(again.fingers[0], name), getattr(world.fingers[0], name))
+                numpy.testing.assert_array_equal(again.thimbles[0].sent, world.thimbles[0].sent)
+            self.assertEqual((1, 100), (again.replayed.same, again.replayed.done))
+
+    def test_copies_and_pickles_go_on_alike(self):
+        world = palpate.load_text(SMALL, settings=["finger.index.material.young_kPa=20"])
+        world.step(40)
+        state = world.save()
+        others = [copy.deepcopy(world), pickle.loads(pickle.dumps(world))]
+        world.step(40)
+        expected = world.fingers[0].nodes.copy()
+        world.restore(state)
+        for other in others + [world]:
+            other.step(40)
+            numpy.testing.assert_array_equal(expected, other.fingers[0].nodes)
+        self.assertEqual(["finger.index.material.young_kPa=20"], others[1].settings)
+
+    def test_settings_change_while_it_runs(self):
+        world = palpate.load_text(SMALL)
+        world.step(90)
+        forces = world.fingers[0].forces
+        before = forces[:, 2].sum()
+        world.set("finger.index.material.young_kPa=5")
+        world.step(60)
+        self.assertLess(forces[:, 2].sum(), 0.7 * before)
+
+    def test_threads(self):
+        world = palpate.load_text(SMALL)
+        world.keep_snapshots()
+        seen, done = [], threading.Event()
+
+        def watch():
+            while not done.is_set():
+                state, positions, forces = world.fingers[0].snapshot()
+                seen.append(abs(forces[:, 2].sum() - state.force[2]))
+                time.sleep(0)
+
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        for _ in range(300):
+            world.step()
+        done.set()
+        watcher.join()
+        self.assertLess(max(seen), 1e-12)
+
+    def test_vector(self):
+        task = palpate.vector(palpate.load_text(SMALL), 3, substeps=2)
+        observations, _ = task.reset(seed=3)
+        self.assertEqual((3, task.observation_size), observations.shape)
+        actions = numpy.zeros((3, 1, 3))
+        actions[:, 0, 2] = [0.010, 0.007, 0.006]
+        for _ in range(50):
+            observations, rewards, terminated, truncated, _ = task.step(actions)
+        self.assertTrue(truncated.all() and not terminated.any() and rewards.shape == (3,))
+        forces = task.field("forces")[:, 0, 2].copy()
+        self.assertEqual(0, forces[0])
+        self.assertLess(forces[1], forces[2])
+        task.reset(seed=3)
+        for _ in range(50):
+            task.step(actions)
+        numpy.testing.assert_array_equal(forces, task.field("forces")[:, 0, 2])
+        with self.assertRaisesRegex(ValueError, "expected"):
+            task.step(numpy.zeros((2, 1, 3)))
+
+    def test_reprs(self):
+        world = palpate.load_text(SMALL)
+        for thing in (world, world.fingers, world.fingers[0], world.objects[0], world.thimbles[0]):
+            self.assertRegex(repr(thing), "^<")
+        self.assertIn("index", world._repr_html_())
+
+    def test_examples(self):
+        for line in ("read_forces.py", "tune_stiffness.py 0.6", "pinch.py --worlds 2"):
+            ran = subprocess.run([sys.executable, *line.split()], cwd=ROOT / "scenes/api/python/examples", capture_output=True, text=True)
+            self.assertEqual(0, ran.returncode, line + ran.stderr)
+            if line.startswith("pinch"):
+                for lifted in ran.stdout.splitlines():
+                    self.assertGreater(float(lifted.split()[2]), 15, ran.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main()
