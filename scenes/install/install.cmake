@@ -8,6 +8,7 @@ set(PALPATE_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
 install(TARGETS palpate_c LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT program
         NAMELINK_COMPONENT development)
 install(FILES scenes/api/palpate.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT development)
+install(DIRECTORY scenes/api/unity DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate COMPONENT development)
 # Where Debian's python3 looks, if the prefix is /usr.
 set(PALPATE_PYTHON_DIR lib/python3/dist-packages CACHE STRING "where the Python package is installed, in the prefix")
 install(DIRECTORY scenes/api/python/palpate DESTINATION ${PALPATE_PYTHON_DIR} COMPONENT program

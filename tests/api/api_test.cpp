@@ -614,6 +614,23 @@ TEST(Api, WarningsGoToTheLog) {
     EXPECT_EQ(std::int64_t(heard.size()) + 1, needed);
 }
 
+/// What programs that were compiled earlier rely on: new fields come at the end alone.
+TEST(Api, StructsKeepTheirLayout) {
+    EXPECT_EQ(32u, sizeof(PalpateWorldDef));
+    EXPECT_EQ(104u, sizeof(PalpateFingerDef));
+    EXPECT_EQ(128u, sizeof(PalpateObjectDef));
+    EXPECT_EQ(80u, sizeof(PalpateSceneDef));
+    EXPECT_EQ(56u, sizeof(PalpateWorldInfo));
+    EXPECT_EQ(40u, sizeof(PalpateView));
+    EXPECT_EQ(256u, sizeof(PalpateFingerState));
+    EXPECT_EQ(160u, sizeof(PalpateObjectState));
+    EXPECT_EQ(224u, sizeof(PalpateThimbleState));
+    EXPECT_EQ(32u, sizeof(PalpateReplayState));
+    EXPECT_EQ(24u, offsetof(PalpateView, generation));
+    EXPECT_EQ(128u, offsetof(PalpateFingerState, force));
+    EXPECT_EQ(40u, offsetof(PalpateFingerDef, pose));
+}
+
 TEST(Api, TheLibraryShowsWhatItsHeaderDeclares) {
     const Outcome nm = shell("nm -D --defined-only --format=posix " + std::string(PALPATE_LIBRARY));
     ASSERT_EQ(0, nm.code) << nm.out;

@@ -1,0 +1,140 @@
+"""The live stream as its readers see it: stream_test.py PROGRAM"""
+import json
+import pathlib
+import re
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PROGRAM = sys.argv.pop(1)
+
+
+def rows_of(folder):
+    lines = (folder / "index.csv").read_text().splitlines()
+    names = lines[0].split(",")
+    return [dict(zip(names, map(float, line.split(",")))) for line in lines[1:]]
+
+
+class Stream(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.folder = pathlib.Path(scratch.name) / "out"
+
+    def command(self, *arguments, duration="0.3"):
+        return [PROGRAM, "run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--duration", duration, "--threads", "1",
+                "--out", str(self.folder), *arguments]  # fmt: skip
+
+    def test_lines_say_what_the_results_say(self):
+        ran = subprocess.run(self.command("--stream", "-"), capture_output=True, text=True, timeout=60)
+        self.assertEqual(0, ran.returncode, ran.stderr)
+        lines = [json.loads(line) for line in ran.stdout.splitlines()]
+        rows = {round(row["time_s"], 6): row for row in rows_of(self.folder)}
+        self.assertEqual(300, len(rows))
+        self.assertGreater(len(lines), 30)  # others are left out where this machine is busy
+        self.assertAlmostEqual(0.3, lines[-1]["time"])
+        self.assertEqual(sorted(line["step"] for line in lines), [line["step"] for line in lines])
+        for line in lines:
+            row, finger = rows[round(line["time"], 6)], line["fingers"][0]
+            self.assertEqual(1, line["palpate"])
+            self.assertAlmostEqual(row["force_z_N"], finger["force"][2], places=4)
+            self.assertAlmostEqual(row["bone_z_mm"], 1e3 * finger["pose"][2], places=3)
+            self.assertEqual(row["touching_samples"], finger["touching"])
+            self.assertEqual(finger["touching"] == 0, finger["centre"] is None)
+
+    def test_who_does_not_read_does_not_slow_the_steps(self):
+        begin = time.monotonic()
+        ran = subprocess.Popen(self.command("--stream", "-", "--stream-samples", duration="2"), stdout=subprocess.PIPE)
+        self.addCleanup(ran.stdout.close)
+        self.assertEqual(0, ran.wait(timeout=60))  # nothing was read: 2,000 lines have no room in a pipe
+        self.assertLess(time.monotonic() - begin, 30)
+        self.assertEqual(2000, len(rows_of(self.folder)))
+
+    def test_who_goes_away_ends_nothing(self):
+        ran = subprocess.Popen(self.command("--stream", "-"), stdout=subprocess.PIPE)
+        ran.stdout.readline()
+        ran.stdout.close()
+        self.assertEqual(0, ran.wait(timeout=60))
+        self.assertEqual(300, len(rows_of(self.folder)))
+
+    def udp(self):
+        s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        s.bind(("127.0.0.1", 0))
+        s.settimeout(20)
+        self.addCleanup(s.close)
+        return s, "udp:127.0.0.1:%d" % s.getsockname()[1]
+
+    def test_commands_move_pause_and_are_recorded(self):
+        s, target = self.udp()
+        record = self.folder.parent / "run.palpate"
+        ran = subprocess.Popen(self.command("--stream", target, "--record", str(record), duration="3"), stdout=subprocess.PIPE, text=True)
+        line, palpate = s.recvfrom(65536)
+
+        def say(**what):
+            s.sendto(json.dumps(what).encode(), palpate)
+
+        say(pause=True)
+        s.settimeout(0.5)
+        with self.assertRaises(socket.timeout):
+            while True:
+                line, palpate = s.recvfrom(65536)
+        paused_at = json.loads(line)["time"]
+        self.assertLess(paused_at, 2.9)
+        say(finger="index", pose=[0.002, 0, 0.012, 1, 0, 0, 0])
+        say(samples=True)
+        say(finger="nobody", pose=None)
+        say(pause=False)
+        s.settimeout(20)
+        seen = {}
+        while seen.get("time", 0) < 2.99:
+            seen = json.loads(s.recvfrom(65536)[0])
+        finger = seen["fingers"][0]
+        self.assertEqual([0.002, 0, 0.012, 1, 0, 0, 0], finger["tracked"])
+        self.assertAlmostEqual(0.012, finger["pose"][2], places=4)
+        self.assertEqual(len(finger["samples"]["positions"]), len(finger["samples"]["forces"]))
+        said, _ = ran.communicate(timeout=60)
+        self.assertIn("5 commands, 0 that", said)
+        replayed = subprocess.run([PROGRAM, "replay", record], capture_output=True, text=True)
+        self.assertEqual(0, replayed.returncode, replayed.stdout)
+
+    def test_a_flood_of_nonsense_changes_nothing(self):
+        s, target = self.udp()
+        subprocess.run(self.command("--quiet"), check=True)
+        expected = (self.folder / "index.csv").read_text()
+        ran = subprocess.Popen(self.command("--stream", target), stdout=subprocess.PIPE, text=True)
+        palpate = s.recvfrom(65536)[1]
+        nonsense = [b"", b"{", b"[" * 60000, b"\xff" * 100, b'{"pause": 3}', b'{"finger": "index", "pose": [1]}', b'{"arm": true}',
+                    b'{"finger": "index", "pose": [0, 0, NaN, 1, 0, 0, 0]}', b'{"object": 7, "pose": null}']  # fmt: skip
+        ended = threading.Event()
+
+        def flood():
+            while not ended.is_set():
+                for text in nonsense:
+                    try:
+                        s.sendto(text, palpate)
+                    except OSError:
+                        pass
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        said, _ = ran.communicate(timeout=60)
+        ended.set()
+        thread.join()
+        self.assertEqual(0, ran.returncode)
+        self.assertRegex(said, r"; 0 commands, [1-9]\d* that could not be read")
+        self.assertEqual(expected, (self.folder / "index.csv").read_text())
+
+    def test_wrong_targets_are_said(self):
+        for target in ("udp:5006", "tcp:127.0.0.1:5006", "udp:nowhere.invalid:1", "udp:127.0.0.1:none"):
+            ran = subprocess.run(self.command("--stream", target), capture_output=True, text=True)
+            self.assertEqual(2, ran.returncode)
+            self.assertIn("expected udp:HOST:PORT", ran.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
