@@ -65,6 +65,7 @@ struct Session {
     std::atomic_flag owned = ATOMIC_FLAG_INIT;
     std::unique_ptr<Simulation> simulation;
     std::vector<std::string> settings;
+    FingerTemplates templates;  ///< meshes, so that new settings need no mesher
     int threads = 1;
     StepInputs inputs;
     std::vector<PoseInput> finger_inputs, object_inputs;

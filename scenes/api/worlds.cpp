@@ -61,10 +61,11 @@ PalpateWorldDef read_def(const PalpateWorldDef* given) {
 }
 
 PalpateWorld adopt_scene(Scene scene, const PalpateWorldDef& def, std::vector<std::string> settings,
-                         std::unique_ptr<ReplaySource> replay = nullptr) {
+                         FingerTemplates templates, std::unique_ptr<ReplaySource> replay = nullptr) {
     log_warnings(scene);
     auto session = std::make_unique<Session>(make_simulation(std::move(scene), def.threads, false));
     session->settings = std::move(settings);
+    session->templates = std::move(templates);
     session->threads = def.threads;
     session->replay = std::move(replay);
     const PalpateWorld id = adopt(session.get());
@@ -79,14 +80,16 @@ std::filesystem::path text_place(const PalpateWorldDef& def) {
 std::int32_t make_from_text(const std::string& text, const PalpateWorldDef* given, PalpateWorld* world) {
     const PalpateWorldDef def = read_def(given);
     std::vector<std::string> settings = settings_of(def.settings, def.setting_count);
-    Scene scene = load_scene_text(text, text_place(def), settings);
-    *world = adopt_scene(std::move(scene), def, std::move(settings));
+    FingerTemplates templates;
+    Scene scene = load_scene_text(text, text_place(def), settings, &templates);
+    *world = adopt_scene(std::move(scene), def, std::move(settings), std::move(templates));
     return PALPATE_OK;
 }
 
-Scene scene_again(const Session& session, const std::vector<std::string>& settings) {
+Scene scene_again(Session& session, const std::vector<std::string>& settings) {
     const Scene& scene = session.simulation->scene;
-    return scene.text ? load_scene_text(*scene.text, scene.file, settings) : load_scene(scene.file, settings);
+    return scene.text ? load_scene_text(*scene.text, scene.file, settings, &session.templates)
+                      : load_scene(scene.file, settings, &session.templates);
 }
 
 }  // namespace
@@ -138,8 +141,9 @@ int32_t palpate_load(const char* file, const PalpateWorldDef* def, PalpateWorld*
     return guarded([&] {
         const PalpateWorldDef own = read_def(def);
         std::vector<std::string> settings = settings_of(own.settings, own.setting_count);
-        Scene scene = load_scene(std::filesystem::absolute(find_scene(file)).lexically_normal(), settings);
-        *world = adopt_scene(std::move(scene), own, std::move(settings));
+        FingerTemplates templates;
+        Scene scene = load_scene(std::filesystem::absolute(find_scene(file)).lexically_normal(), settings, &templates);
+        *world = adopt_scene(std::move(scene), own, std::move(settings), std::move(templates));
         return PALPATE_OK;
     });
 }
@@ -171,7 +175,7 @@ int32_t palpate_load_replay(const char* file, int32_t run, const PalpateWorldDef
         const std::size_t objects = scene.spec.objects.size();
         if (objects != replay->run.objects.size())
             throw InputError(std::string(file) + ": the scene builds other objects than the recorded run had");
-        *world = adopt_scene(std::move(scene), own, std::move(settings), std::move(replay));
+        *world = adopt_scene(std::move(scene), own, std::move(settings), {}, std::move(replay));
         return PALPATE_OK;
     });
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "meshes/input_error.h"
+#include "scenes/run/finger_output.h"
 #include "scenes/run/grasp.h"
 #include "scenes/run/hardware.h"
 
@@ -27,6 +28,9 @@ std::vector<std::string> thimble_columns(const DeviceKind& kind) {
         columns.emplace_back(column);
     return columns;
 }
+/// After these: new columns come at the end, where no reader counts.
+const std::vector<std::string> output_columns{"torque_x_Nm", "torque_y_Nm", "torque_z_Nm",
+                                              "centre_x_mm", "centre_y_mm", "centre_z_mm"};
 const std::vector<std::string> step_columns = [] {
     std::vector<std::string> columns{"time_s"};
     for (const auto& [name, seconds] : step_systems) columns.push_back(std::string(name) + "_us");
@@ -39,6 +43,18 @@ int thimble_of(const World& world, EntityId finger) {
     for (std::size_t row = 0; row < world.matchings.size(); ++row)
         if (world.matchings[row].finger == finger) return int(row);
     return -1;
+}
+
+void record_thimble(const Matching& m, const ThimbleReport& seen, std::vector<double>& out) {
+    const DeviceKind& kind = *m.model.kind;
+    for (std::ptrdiff_t i = 0; i < m.result.w.size(); ++i)
+        out.push_back(m.result.w[i] * (kind.configuration_is_length[std::size_t(i)] ? 1e3 : degrees));
+    for (const Coordinates* q : std::array<const Coordinates*, 3>{&m.result.q, &seen.sent, &seen.actual})
+        for (int k = 0; k < kind.joint_count; ++k) out.push_back((*q)[k] * degrees);
+    out.push_back(1e3 * m.result.rms_m);
+    out.push_back(m.result.constraint_active);
+    out.push_back(m.result.status != MatchingStatus::no_contact);
+    out.push_back(m.force_N);
 }
 
 void record_finger(Simulation& s, std::size_t i) {
@@ -56,19 +72,13 @@ void record_finger(Simulation& s, std::size_t i) {
                      double(status.limited_elements), 1e6 * status.penetration_m, 1e6 * fixed})
         out.push_back(v);
     const int t = thimble_of(w, finger);
-    if (t < 0) return;
-    const Matching& m = w.matchings[t];
-    const ThimbleReport seen = s.hardware ? newest_report(*s.hardware, t)
-                                          : ThimbleReport{s.loops[t]->q, s.loops[t]->driver->actual(w.time), {}};
-    const DeviceKind& kind = *m.model.kind;
-    for (std::ptrdiff_t i = 0; i < m.result.w.size(); ++i)
-        out.push_back(m.result.w[i] * (kind.configuration_is_length[std::size_t(i)] ? 1e3 : degrees));
-    for (const Coordinates* q : std::array<const Coordinates*, 3>{&m.result.q, &seen.sent, &seen.actual})
-        for (int k = 0; k < kind.joint_count; ++k) out.push_back((*q)[k] * degrees);
-    out.push_back(1e3 * m.result.rms_m);
-    out.push_back(m.result.constraint_active);
-    out.push_back(m.result.status != MatchingStatus::no_contact);
-    out.push_back(m.force_N);
+    const ThimbleReport seen = t < 0        ? ThimbleReport{}
+                               : s.hardware ? newest_report(*s.hardware, t)
+                                            : ThimbleReport{s.loops[t]->q, s.loops[t]->driver->actual(w.time), {}};
+    if (t >= 0) record_thimble(w.matchings[t], seen, out);
+    const FingerOutput felt = finger_output(c);
+    for (double v : {felt.torque.x, felt.torque.y, felt.torque.z}) out.push_back(v);
+    for (double v : {felt.centre.x, felt.centre.y, felt.centre.z}) out.push_back(1e3 * v);
     if (s.hardware && s.finger_series[i].columns.back() == "command_age_ms") out.push_back(1e3 * seen.command_age);
 }
 
@@ -109,6 +119,7 @@ void prepare_series(Simulation& s) {
         if (const int t = thimble_of(s.world, finger); t >= 0)
             for (auto& column : thimble_columns(*s.world.matchings[std::size_t(t)].model.kind))
                 series.columns.push_back(std::move(column));
+        series.columns.insert(series.columns.end(), output_columns.begin(), output_columns.end());
         series.reserve(steps);
         s.finger_series.push_back(std::move(series));
     }

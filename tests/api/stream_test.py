@@ -46,6 +46,9 @@ class Stream(unittest.TestCase):
             self.assertAlmostEqual(row["bone_z_mm"], 1e3 * finger["pose"][2], places=3)
             self.assertEqual(row["touching_samples"], finger["touching"])
             self.assertEqual(finger["touching"] == 0, finger["centre"] is None)
+            self.assertAlmostEqual(row["torque_y_Nm"], finger["torque"][1], places=9)
+            if finger["centre"]:
+                self.assertAlmostEqual(row["centre_z_mm"], 1e3 * finger["centre"][2], places=6)
 
     def test_who_does_not_read_does_not_slow_the_steps(self):
         begin = time.monotonic()
