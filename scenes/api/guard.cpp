@@ -1,6 +1,5 @@
 #include "scenes/api/guard.h"
 
-#include <array>
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
@@ -21,10 +20,14 @@ thread_local char message[4096] = "";
 /// A world's place. `word`: generation (odd: alive) in the upper half, threads inside in the lower one.
 struct Slot {
     std::atomic<std::uint64_t> word{0};
-    Session* session = nullptr;
+    std::unique_ptr<Session> session;
 };
 constexpr std::int64_t slot_count = 65536;
-std::array<Slot, slot_count> slots;
+/// Never freed, as free_slots.
+Slot* slots() {
+    static Slot* all = new Slot[slot_count];
+    return all;
+}
 std::mutex creation;
 std::int64_t used_slots = 0;
 
@@ -65,7 +68,7 @@ std::int32_t fail_of_exception() noexcept {
     }
 }
 
-PalpateWorld adopt(Session* session) {
+PalpateWorld adopt(std::unique_ptr<Session> session) {
     const std::lock_guard lock(creation);
     auto& free = free_slots();
     std::int64_t at = -1;
@@ -77,8 +80,8 @@ PalpateWorld adopt(Session* session) {
     } else {
         throw std::bad_alloc();
     }
-    Slot& slot = slots[std::size_t(at)];
-    slot.session = session;
+    Slot& slot = slots()[at];
+    slot.session = std::move(session);
     const std::uint64_t generation = generation_of(slot.word.load()) + 1;
     slot.word.store(generation << 32, std::memory_order_release);
     return std::int64_t(generation << 32) | (at + 1);
@@ -111,14 +114,13 @@ std::int32_t discard(PalpateWorld world) {
     std::uint32_t generation = 0;
     const std::int64_t at = slot_of(world, generation);
     if (at < 0) return fail_no_world(world);
-    Slot& slot = slots[std::size_t(at)];
+    Slot& slot = slots()[at];
     std::uint64_t alone = std::uint64_t(generation) << 32;
     if (!slot.word.compare_exchange_strong(alone, std::uint64_t(generation + 1) << 32)) {
         if (generation_of(alone) != generation) return fail_no_world(world);
         return fail(PALPATE_ERROR_BUSY, "another thread is using the world: destroy it when that is done");
     }
-    delete slot.session;
-    slot.session = nullptr;
+    slot.session.reset();
     const std::lock_guard lock(creation);
     if (generation < last_generation) free_slots().push_back(at);
     return PALPATE_OK;
@@ -128,17 +130,17 @@ Use::Use(PalpateWorld world) {
     std::uint32_t generation = 0;
     const std::int64_t at = slot_of(world, generation);
     if (at < 0) return;
-    Slot& slot = slots[std::size_t(at)];
+    Slot& slot = slots()[at];
     std::uint64_t word = slot.word.load(std::memory_order_relaxed);
     do {
         if (generation_of(word) != generation) return;
     } while (!slot.word.compare_exchange_weak(word, word + 1, std::memory_order_acquire));
     slot_ = at;
-    session_ = slot.session;
+    session_ = slot.session.get();
 }
 
 Use::~Use() {
-    if (slot_ >= 0) slots[std::size_t(slot_)].word.fetch_sub(1, std::memory_order_release);
+    if (slot_ >= 0) slots()[slot_].word.fetch_sub(1, std::memory_order_release);
 }
 
 Owner::Owner(PalpateWorld world) : use_(world) {

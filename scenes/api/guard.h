@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "scenes/api/palpate.h"
@@ -27,8 +28,8 @@ std::int32_t guarded(Work work) noexcept {
     } catch (...) { return fail_of_exception(); }
 }
 
-/// Puts a session under a fresh id; it is the registry's from then on.
-PalpateWorld adopt(Session* session);
+/// Puts a session under a fresh id.
+PalpateWorld adopt(std::unique_ptr<Session> session);
 /// Frees it, unless a thread is using it.
 std::int32_t discard(PalpateWorld world);
 

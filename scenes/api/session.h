@@ -17,6 +17,7 @@ namespace palpate::api {
 /// where one is being written it takes the one before.
 struct PoseInput {
     enum Kind : std::int64_t { released = 0, seen = 1, unseen = 2 };
+    // Stores of what is guarded release, loads acquire: they stay between those of the version.
     std::atomic<std::uint32_t> version{0};  ///< odd while it is written
     std::atomic<std::int64_t> kind{released};
     std::array<std::atomic<double>, 7> pose{};

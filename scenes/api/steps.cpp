@@ -18,10 +18,9 @@ void PoseInput::set(std::int64_t new_kind, const double* numbers) {
     std::uint32_t v = version.load(std::memory_order_relaxed);
     while (v % 2 == 1 || !version.compare_exchange_weak(v, v + 1, std::memory_order_acquire))
         v = version.load(std::memory_order_relaxed);
-    std::atomic_thread_fence(std::memory_order_release);
-    kind.store(new_kind, std::memory_order_relaxed);
+    kind.store(new_kind, std::memory_order_release);
     if (numbers)
-        for (std::size_t i = 0; i < pose.size(); ++i) pose[i].store(numbers[i], std::memory_order_relaxed);
+        for (std::size_t i = 0; i < pose.size(); ++i) pose[i].store(numbers[i], std::memory_order_release);
     version.store(v + 2, std::memory_order_release);
 }
 
@@ -29,10 +28,9 @@ void PoseInput::take() {
     for (int attempt = 0; attempt < 4; ++attempt) {
         const std::uint32_t v = version.load(std::memory_order_acquire);
         if (v % 2 == 1) continue;
-        const std::int64_t now = kind.load(std::memory_order_relaxed);
+        const std::int64_t now = kind.load(std::memory_order_acquire);
         double p[7];
-        for (std::size_t i = 0; i < pose.size(); ++i) p[i] = pose[i].load(std::memory_order_relaxed);
-        std::atomic_thread_fence(std::memory_order_acquire);
+        for (std::size_t i = 0; i < pose.size(); ++i) p[i] = pose[i].load(std::memory_order_acquire);
         if (version.load(std::memory_order_relaxed) != v) continue;
         taken_kind = now;
         taken = {{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};

@@ -275,12 +275,11 @@ void take_snapshot(Session& s) {
     Snapshots::Entry& entry = shots.entries[next];
     const std::uint32_t version = entry.version.load(std::memory_order_relaxed);
     entry.version.store(version + 1, std::memory_order_relaxed);
-    std::atomic_thread_fence(std::memory_order_release);
     auto out = entry.words.begin();
     const auto put_word = [&](const void* from) {
         std::uint64_t word;
         std::memcpy(&word, from, sizeof word);
-        (out++)->store(word, std::memory_order_relaxed);
+        (out++)->store(word, std::memory_order_release);
     };
     const auto put_vector = [&](const Vec3<double>& v) { put_word(&v.x), put_word(&v.y), put_word(&v.z); };
     for (std::size_t i = 0; i < shots.first.size(); ++i) {
@@ -302,14 +301,13 @@ bool read_entry(const Snapshots::Entry& entry, std::size_t first, std::int32_t s
     const std::uint32_t version = entry.version.load(std::memory_order_acquire);
     if (version % 2 == 1) return false;
     const auto get = [&](std::size_t k, void* to) {
-        const std::uint64_t word = entry.words[first + k].load(std::memory_order_relaxed);
+        const std::uint64_t word = entry.words[first + k].load(std::memory_order_acquire);
         std::memcpy(to, &word, sizeof word);
     };
     for (std::size_t k = 0; k < state_words; ++k) get(k, reinterpret_cast<char*>(&state) + 8 * k);
     const auto S3 = 3 * std::size_t(samples);
     for (std::size_t k = 0; positions && k < S3; ++k) get(state_words + k, positions + k);
     for (std::size_t k = 0; forces && k < S3; ++k) get(state_words + S3 + k, forces + k);
-    std::atomic_thread_fence(std::memory_order_acquire);
     return entry.version.load(std::memory_order_relaxed) == version;
 }
 

@@ -68,9 +68,7 @@ PalpateWorld adopt_scene(Scene scene, const PalpateWorldDef& def, std::vector<st
     session->templates = std::move(templates);
     session->threads = def.threads;
     session->replay = std::move(replay);
-    const PalpateWorld id = adopt(session.get());
-    session.release();
-    return id;
+    return adopt(std::move(session));
 }
 
 std::filesystem::path text_place(const PalpateWorldDef& def) {
@@ -205,8 +203,7 @@ int32_t palpate_clone(PalpateWorld world, PalpateWorld* clone) {
         };
         copy(session->finger_inputs, other->finger_inputs);
         copy(session->object_inputs, other->object_inputs);
-        *clone = adopt(other.get());
-        other.release();
+        *clone = adopt(std::move(other));
         return int32_t(PALPATE_OK);
     });
 }

@@ -53,7 +53,7 @@ class Reader {
     bool at_end() const { return at_ == end_; }
     void bytes(void* data, std::size_t size) {
         if (size > std::size_t(end_ - at_)) good_ = false;
-        if (!good_) return;
+        if (!good_ || size == 0) return;
         std::memcpy(data, at_, size);
         at_ += size;
     }
