@@ -105,6 +105,27 @@ class Stream(unittest.TestCase):
         replayed = subprocess.run([PROGRAM, "replay", record], capture_output=True, text=True)
         self.assertEqual(0, replayed.returncode, replayed.stdout)
 
+    def test_a_view_streams_and_obeys_too(self):
+        s, target = self.udp()
+        view = subprocess.Popen([PROGRAM, "view", str(ROOT / "scenes/press.toml"), "--port", "0", "--stream", target,
+                                 "--stream-rate", "100"], stdout=subprocess.DEVNULL)  # fmt: skip
+        try:
+            line, palpate = s.recvfrom(65536)
+            times = [json.loads(s.recv(65536))["time"] for _ in range(20)]
+            self.assertAlmostEqual(0.01, (times[-1] - times[0]) / 19, places=2)  # 100 lines a simulated second
+            s.sendto(json.dumps({"finger": "index", "pose": [0, 0, 0.03, 1, 0, 0, 0]}).encode(), palpate)
+            seen = {"tracked": None}
+            while seen["tracked"] != [0, 0, 0.03, 1, 0, 0, 0]:
+                seen = json.loads(s.recv(65536))["fingers"][0]
+            s.sendto(b'{"pause": true}', palpate)
+            s.settimeout(0.5)
+            with self.assertRaises(socket.timeout):
+                while True:
+                    s.recv(65536)
+        finally:
+            view.terminate()
+            view.wait(timeout=20)
+
     def test_a_flood_of_nonsense_changes_nothing(self):
         s, target = self.udp()
         subprocess.run(self.command("--quiet"), check=True)
