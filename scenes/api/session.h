@@ -87,6 +87,8 @@ struct Session {
 std::int32_t step_once(Session& session);
 /// After steps, a restore, or new settings: fills what is shown.
 void show(Session& session);
+/// The same for what stays from step to step, too: after new settings.
+void show_all(Session& session);
 
 /// Goes on with other settings. Throws InputError; false where the scene would be built otherwise.
 bool change_settings(Session& session, const std::vector<std::string>& settings);

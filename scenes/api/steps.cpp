@@ -64,10 +64,12 @@ std::int32_t step_replay(Session& s) {
     if (r.done >= r.run.steps.size())
         return fail(PALPATE_ERROR_STATE,
                     "the recorded run has ended: it holds " + std::to_string(r.run.steps.size()) + " steps");
+    const std::size_t first_change = r.change;
     for (; r.change < r.run.changes.size() && r.run.changes[r.change].step <= r.done; ++r.change)
         if (!change_settings(s, r.run.changes[r.change].overrides))
             return fail(PALPATE_ERROR_SCENE, r.file + ": the scene with the settings of step " +
                                                  std::to_string(r.done + 1) + " is built otherwise than it was");
+    if (r.change != first_change) show_all(s);
     const RecordedStep& step = r.run.steps[r.done];
     if (step.inputs.fingers.size() != s.simulation->fingers.size() ||
         step.inputs.objects.size() != s.world().shapes.size())

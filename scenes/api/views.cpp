@@ -319,6 +319,13 @@ void show(Session& s) {
     if (s.snapshots.on.load(std::memory_order_relaxed)) take_snapshot(s);
 }
 
+void show_all(Session& s) {
+    const std::size_t each = s.fields.size() / PALPATE_FIELD_COUNT;
+    for (std::size_t k = 0; k < s.fields.size(); ++k)
+        if (s.fields[k].wanted) fill(s, int(k / each), int(k % each) - 1);
+    show(s);
+}
+
 }  // namespace palpate::api
 
 int32_t palpate_view(PalpateWorld world, int32_t field, int32_t index, PalpateView* view) {

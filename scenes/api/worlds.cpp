@@ -347,7 +347,7 @@ int32_t palpate_set(PalpateWorld world, const char* const* settings, int32_t cou
                         "these settings build other meshes, fingers, objects or thimbles: make a "
                         "new world with them");
         if (session->recorder) session->recorder->change_settings(*session->simulation, all);
-        show(*session);
+        show_all(*session);
         return int32_t(PALPATE_OK);
     });
 }

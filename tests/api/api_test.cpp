@@ -382,6 +382,20 @@ TEST(Api, ViewsFollowTheStepsInTheirPlace) {
     EXPECT_GT(smallest, 0.1);
 }
 
+TEST(Api, ViewsFollowNewSettings) {
+    Held world;
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();
+    palpate_step(world, 20);
+    const auto areas = bytes_of(world, PALPATE_AREAS, 0), rest = bytes_of(world, PALPATE_REST_NODES, 0);
+    const char* const longer[] = {"finger.index.shape.length_mm=30"};
+    const char* const another[] = {"finger.index.elements=300"};
+    EXPECT_EQ(PALPATE_ERROR_STATE, palpate_set(world, another, 1));
+    ASSERT_EQ(PALPATE_OK, palpate_set(world, longer, 1)) << palpate_last_error();
+    EXPECT_NE(areas, bytes_of(world, PALPATE_AREAS, 0));
+    EXPECT_NE(rest, bytes_of(world, PALPATE_REST_NODES, 0));
+    EXPECT_EQ(PALPATE_OK, palpate_step(world, 20)) << palpate_last_error();
+}
+
 TEST(Api, NothingIsAllocatedInAStep) {
     if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "a sanitiser has the allocator";
     Held world;
