@@ -1,5 +1,6 @@
 // Runs a scene beside a recording of it by the program, and compares the bits: Bits.exe SCENE RECORDING
 using System;
+using System.Reflection;
 using Palpate;
 
 static class Bits
@@ -34,9 +35,38 @@ static class Bits
         Need(pose[0] == 1 && pose[1] == 3 && pose[2] == 2 && Math.Abs(pose[3] - s) < 1e-6 && Math.Abs(pose[6] - s) < 1e-6, "and back");
     }
 
+    static void Call(object of, string method)
+    {
+        of.GetType().GetMethod(method, BindingFlags.Instance | BindingFlags.NonPublic).Invoke(of, null);
+    }
+
+    /// Components, as Unity would call them: a finger that follows a transform down onto the plane.
+    static void Components(string scene)
+    {
+        PalpateFinger finger = new PalpateFinger();
+        finger.follows = new UnityEngine.Transform();
+        finger.follows.localPosition = new UnityEngine.Vector3(0, 0.006f, 0);
+        PalpateObject plane = new PalpateObject();
+        plane.thing = "object 0";
+        PalpateWorld world = new PalpateWorld();
+        world.scene = scene;
+        world.children = new object[] { finger, plane };
+        Call(world, "Awake");
+        for (int k = 1; k <= 10; ++k)
+        {
+            UnityEngine.Time.fixedTimeAsDouble = 0.02 * k;
+            Call(world, "FixedUpdate");
+        }
+        Need(world.World.Info.Step == 200, "fixed steps of 20 ms are 20 of palpate's");
+        Need(finger.Force.y > 0.05f && Math.Abs(finger.Force.x) < 0.05f && finger.Area > 0, "it is pushed up, along y");
+        Need(Math.Abs(finger.transform.localPosition.y - 0.006f) < 1e-3f, "its transform is the bone's");
+        Call(world, "OnDestroy");
+    }
+
     static int Main(string[] arguments)
     {
         Conversions();
+        Components(arguments[0]);
         using (World world = World.Load(arguments[0]))
         using (World replay = World.Replay(arguments[1], 1))
         {

@@ -1,0 +1,38 @@
+// A scene of palpate in Unity: stepped with Unity's fixed steps; its fingers and objects are components below it.
+using UnityEngine;
+
+[AddComponentMenu("Palpate/World")]
+public class PalpateWorld : MonoBehaviour
+{
+    [Tooltip("Scene file (.toml), or the name of a scene that comes with palpate")]
+    public string scene = "hand";
+
+    public Palpate.World World { get; private set; }
+    PalpateFinger[] fingers;
+    PalpateObject[] objects;
+    double begin;
+
+    void Awake()
+    {
+        World = Palpate.World.Load(scene);
+        fingers = GetComponentsInChildren<PalpateFinger>();
+        objects = GetComponentsInChildren<PalpateObject>();
+        foreach (PalpateFinger finger in fingers) finger.Begin(World);
+        foreach (PalpateObject thing in objects) thing.Begin(World);
+        begin = Time.fixedTimeAsDouble;
+    }
+
+    void FixedUpdate()
+    {
+        foreach (PalpateFinger finger in fingers) finger.Send();
+        foreach (PalpateObject thing in objects) thing.Send();
+        World.StepTo(Time.fixedTimeAsDouble - begin);
+        foreach (PalpateFinger finger in fingers) finger.Receive();
+        foreach (PalpateObject thing in objects) thing.Receive();
+    }
+
+    void OnDestroy()
+    {
+        if (World != null) World.Dispose();
+    }
+}
