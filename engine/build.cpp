@@ -64,6 +64,7 @@ std::vector<std::string> SceneSpec::validate() const {
         within("the coupling's largest speed", c.max_speed, coupling_bounds::max_speed, " m/s");
         within("the coupling's largest spin", c.max_spin, coupling_bounds::max_spin, " rad/s");
     }
+    need(friction_bounds.holds(skin_friction), "the friction of skin on skin must be between 0 and 100");
     for (const ObjectSpec& o : objects)
         need(friction_bounds.holds(o.friction), "object '" + o.name + "': friction must be between 0 and 100");
     for (const FingerFriction& f : finger_frictions)
@@ -183,13 +184,18 @@ void prepare_bodies(World& world) {
         }
     grow_pairs(s, 6);
     s.bodies.resize(bodies);
-    s.parent.resize(bodies + 16 * chunks);
-    s.lane_island.resize(16 * chunks);
-    s.coupled.reserve(chunks);
-    s.islands.resize(bodies + 16 * chunks + 1);
-    for (Island& i : s.islands) i.bodies.reserve(bodies);
-    s.matrix.setZero(6 * bodies, 6 * bodies);
-    s.rhs.setZero(6 * bodies);
+    reserve_islands(s, int(bodies), int(chunks));
+}
+
+/// Memory for finding which fingers are near each other.
+void prepare_finger_pairs(const SceneSpec& spec, FingerPairs& pairs) {
+    const std::size_t fingers = spec.fingers.size();
+    pairs.on = spec.fingers_touch && fingers > 1;
+    pairs.friction = spec.skin_friction;
+    if (!pairs.on) return;
+    pairs.reach.resize(fingers);
+    pairs.slot.resize(fingers);
+    for (std::size_t i = 0; i < fingers; ++i) pairs.order.push_back(int(i));
 }
 
 /// Fingers of larger meshes are solved one by one: the factor of a finger alone works on panels, whose advantage grows
@@ -312,6 +318,7 @@ World build_world(const SceneSpec& spec) {
     }
     world.gravity = spec.gravity;
     world.pair_frictions = spec.pair_frictions;
+    prepare_finger_pairs(spec, world.finger_pairs);
     prepare_bodies(world);
     for (RigidShape& shape : world.shapes)
         if (shape.body >= 0 && world.bodies[shape.body].release > 0) {
@@ -319,7 +326,8 @@ World build_world(const SceneSpec& spec) {
             world.bodies[shape.held_body].asleep = true;
         }
     for (const ThimbleSpec& t : spec.thimbles) {
-        if (spec.objects.empty()) break;  // nothing can be touched: nothing to render
+        // Nothing can be touched: nothing to render.
+        if (spec.objects.empty() && !(spec.fingers_touch && spec.fingers.size() > 1)) break;
         Matching m;
         m.finger = ids[t.finger];
         m.model = t.model;

@@ -23,6 +23,11 @@ void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& 
 int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                     SkinChunks& chunks);
 
+/// Finds the fingers near each other, and gives each the planes between it and others (finger_pairs.h). Returns how
+/// often that took more memory than there was: where fingers come near each other for the first time, and as above.
+int detect_finger_pairs(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const Table<Skin>& skins,
+                        const SolverSettings& solver, BodySolve& solve, FingerPairs& pairs, SkinChunks& chunks);
+
 /// Wakes the fingers that an object has come near to, or whose target moves, and chooses what the solve leaves out of
 /// each (level_of_detail.h). `step` counts steps.
 void choose_detail(const SolverSettings& solver, std::int64_t step, SkinChunks& chunks);
@@ -34,11 +39,12 @@ void gather_lanes(Table<Skin>& skins, SkinChunks& chunks);
 /// One implicit step of every chunk (solve/newton.h) that is near no body, chunks in parallel.
 void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks);
 
-/// One implicit step of every body, to the simulated `time` [s], and of every chunk near one: bones, skin and bodies in
-/// one solve.
+/// One implicit step of every body, to the simulated `time` [s], and of every chunk near one, or with fingers near each
+/// other: bones, skin, bodies and the planes between fingers in one solve.
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
-                  const std::vector<PairFriction>& pair_frictions, double time, Threads& threads,
-                  Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve, SkinChunks& chunks);
+                  const std::vector<PairFriction>& pair_frictions, double time, const Table<Skin>& skins,
+                  Threads& threads, Table<RigidShape>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
+                  BodySolve& solve, SkinChunks& chunks);
 
 /// Reads touching samples, forces and area of each finger from its lane. Says in its status which nodes are pressed
 /// from inside, and that such a step has not converged.

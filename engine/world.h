@@ -10,6 +10,7 @@
 #include "devices/loop/command.h"
 #include "devices/matching/matching.h"
 #include "engine/bodies/body_solve.h"
+#include "engine/bodies/finger_pairs.h"
 #include "engine/bodies/pose_filter.h"
 #include "engine/ecs/table.h"
 #include "engine/skin/chunks/chunk.h"
@@ -64,14 +65,16 @@ struct Skin {
     Pose<double> start = Pose<double>::identity();
 };
 
-/// Contact of one finger with one object.
+/// Contact of one finger with one object, or with another finger.
 struct ObjectContact {
     int object = -1;                ///< row; -1: none
+    int finger = -1;                ///< row; -1: none
     Vec3<double> force{0, 0, 0};    ///< on the skin, world frame [N]
     double normal_force = 0;        ///< sum over samples [N]
     double friction_force = 0;      ///< sum of the samples' friction [N]
     double friction_available = 0;  ///< sum of the samples' Coulomb limits [N]
-    double slip = 0;                ///< way over the object in this step, mean by normal force [m]
+    double slip = 0;                ///< way over the object in this step, mean by normal force [m]; over a finger: of
+                                    ///< both over the plane between them
 };
 
 /// Finger: its contact this step, written by extract_contact. Arrays are [sample], nodes alone: forces of samples
@@ -90,7 +93,7 @@ struct ContactSurface {
     double normal_force = 0;      ///< sum of normal forces [N]
     double touching_area = 0;     ///< [m^2]
     int touching = 0;
-    std::vector<ObjectContact> objects;  ///< those near it, in the order of their rows
+    std::vector<ObjectContact> objects;  ///< those near it, in the order of their rows; then the fingers near it
 };
 
 /// Object: shape, pose and friction. Fixed, moved by a script before the step, or by its body in the step.
@@ -189,6 +192,7 @@ struct World {
     Vec3<double> gravity{0, 0, -9.81};       ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;
     BodySolve body_solve;
+    FingerPairs finger_pairs;
     Table<Matching> matchings;           ///< per thimble
     Table<ForceMatcher> force_matchers;  ///< per thimble that matches forces
     Table<DeviceLink> device_links;      ///< per thimble with a device
@@ -196,7 +200,8 @@ struct World {
 
     StepProfile profile;
     double sampled_at = 0;  ///< when the step's tracked poses were read [s of a steady clock]; 0: simulated time
-    std::int64_t contact_growths = 0;  ///< times that a finger needed memory for more objects near it than ever before
+    std::int64_t contact_growths = 0;  ///< times that a finger needed memory for more objects near it than ever before,
+                                       ///< or fingers near each other did
 };
 
 }  // namespace palpate

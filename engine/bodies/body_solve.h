@@ -1,5 +1,6 @@
 #pragma once
-// Work memory of the bodies' solve (solve_bodies.cpp). Empty in scenes without bodies.
+// Work memory of the bodies' solve (solve_bodies.cpp). Empty in scenes without bodies, until fingers come near each
+// other.
 
 #include <vector>
 
@@ -27,7 +28,7 @@ struct Island {
     bool linear = false;      ///< some lane has linear tissue
     bool unbound = false;     ///< its matrix was not positive definite with linear tissue
     double stiffness = 0;     ///< of the tissue of its lanes, the largest: scale of damping [N/m]; 0 without lanes
-    std::vector<int> bodies;  ///< rows
+    std::vector<int> bodies;  ///< rows; those of planes between fingers come after all bodies
 };
 
 /// Two objects, one inside the other where a step began.
@@ -46,11 +47,12 @@ struct BodySolve {
     std::vector<int> wanted_pairs;               ///< [object] how many it is near to
     std::vector<int> near_objects;               ///< scratch: [found] rows of objects that one may touch in this step
     ObjectOverlap deepest;                       ///< of all steps
-    std::vector<BodyProgress> bodies;            ///< [body]
+    std::vector<BodyProgress> bodies;            ///< [body, plane between fingers]
+    int places = 0;                              ///< bodies and planes for which there is memory
     std::vector<int> parent;                     ///< union-find over bodies, then lanes
     std::vector<int> lane_island;                ///< [coupled chunk][16]
     std::vector<int> coupled;                    ///< chunks near a body: doubles, then floats
-    std::vector<Island> islands;
+    std::vector<Island> islands;  ///< the last is that of sleeping bodies
     int island_count = 0;
     Eigen::MatrixXd matrix;  ///< of the largest island
     Eigen::VectorXd rhs;

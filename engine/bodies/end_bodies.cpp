@@ -112,6 +112,25 @@ unsigned failed_lanes(const Work& w, int coupled) {
     return failed;
 }
 
+/// A finger that was reset presses on nothing; nor does any other, then, press on it.
+void let_go_of_reset_fingers(Work& w) {
+    if (w.pairs.near.empty()) return;
+    auto was_reset = [&](int finger) {
+        const Skin& skin = w.skins[std::size_t(finger)];
+        return w.chunks.with(skin.single_precision, skin.chunk,
+                             [&](auto& c) { return c.status[std::size_t(skin.lane)].reset; });
+    };
+    for (FingerPair& p : w.pairs.near) p.touching = p.touching && !was_reset(p.a) && !was_reset(p.b);
+    for_each_lane(w, [&](auto& c, int lane, const Island&) {
+        for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+            const LaneContact o = c.contacts.at(slot, lane);
+            if (o.finger < 0 || !was_reset(o.finger)) continue;
+            erase_contact(c, lane, slot);
+            insert_contact(c, lane, slot, o);
+        }
+    });
+}
+
 void end_lanes(Work& w) {
     for (int k = 0; k < int(w.s.coupled.size()); ++k) {
         const unsigned failed = failed_lanes(w, k);
@@ -131,6 +150,7 @@ void end_lanes(Work& w) {
             settle_lanes(c, w.solver);
         });
     }
+    let_go_of_reset_fingers(w);
 }
 
 void end_bodies(Work& w) {
@@ -173,6 +193,7 @@ void put_to_sleep(Work& w) {
         Island& island = w.s.islands[i];
         bool still = island.progress.converged && w.solver.inertia && w.solver.sleep_speed > 0;
         for (int b : island.bodies) {
+            if (is_plane(w, b)) continue;
             const RigidBody& body = w.bodies[b];
             const double spin = norm(angular_velocity(body, w.s.bodies[b].pose.rotation));
             still = still && norm(body.velocity) + spin * body.size < w.solver.sleep_speed;
@@ -188,6 +209,7 @@ void put_to_sleep(Work& w) {
                 if (w.shapes[object].body < 0 && !w.s.objects[object].still) island_of_pair(w, p).following = false;
     for (int i = 0; i < w.s.island_count; ++i)
         for (int b : w.s.islands[i].bodies) {
+            if (is_plane(w, b)) continue;
             RigidBody& body = w.bodies[b];
             body.still_steps = w.s.islands[i].following ? body.still_steps + 1 : 0;
             body.asleep = body.still_steps >= long_enough;
@@ -199,6 +221,8 @@ void put_to_sleep(Work& w) {
 
 void end_body_step(BodyWork& w) {
     end_lanes(w);
+    for (std::size_t k = 0; k < w.pairs.near.size(); ++k)
+        w.pairs.near[k].pose = w.s.bodies[w.bodies.size() + k].pose;
     end_bodies(w);
     brake_recovery(w);
     bounce(w);

@@ -148,7 +148,7 @@ void wake(BodyWork& w) {
             for (int lane = 0; lane < c.width; ++lane)
                 for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
                     const LaneContact& near = c.contacts.at(slot, lane);
-                    if (near.body >= 0 && w.bodies[near.body].asleep) rouse(near.object);
+                    if (near.body >= 0 && near.finger < 0 && w.bodies[near.body].asleep) rouse(near.object);
                 }
         });
     for (bool again = true; again;) {
@@ -166,7 +166,7 @@ void wake(BodyWork& w) {
 /// Groups lanes and bodies that may touch. Sleeping bodies share an island in which nothing is done.
 void group(BodyWork& w) {
     BodySolve& s = w.s;
-    const int bodies = int(w.bodies.size());
+    const int bodies = int(s.bodies.size());
     const int count = bodies + 16 * int(s.coupled.size());
     for (int i = 0; i < count; ++i) s.parent[i] = i;
     for (const BodyPair& p : s.pairs)
@@ -196,7 +196,7 @@ void group(BodyWork& w) {
     sleepers.progress.converged = true;
     sleepers.decision = {};
     for (int b = 0; b < bodies; ++b) {
-        if (w.bodies[b].asleep) {
+        if (!is_plane(w, b) && w.bodies[b].asleep) {
             s.bodies[b].island = int(s.islands.size()) - 1;
             continue;
         }
@@ -235,6 +235,34 @@ void grow_pairs(BodySolve& s, int at_least) {
     s.first_pair = std::move(first);
 }
 
+void reserve_islands(BodySolve& s, int places, int chunks) {
+    if (places <= s.places) return;
+    s.places = places;
+    const auto n = std::size_t(places) + 16 * std::size_t(chunks);
+    s.bodies.reserve(std::size_t(places));
+    s.parent.resize(n);
+    s.lane_island.resize(16 * std::size_t(chunks));
+    s.coupled.reserve(std::size_t(chunks));
+    s.islands.resize(n + 1);
+    for (Island& i : s.islands) i.bodies.reserve(std::size_t(places));
+    s.matrix.setZero(6 * places, 6 * places);
+    s.rhs.setZero(6 * places);
+}
+
+namespace {
+
+/// Planes have neither mass nor speed of their own: where they begin is a guess.
+void begin_planes(BodyWork& w) {
+    for (std::size_t k = 0; k < w.pairs.near.size(); ++k) {
+        const FingerPair& p = w.pairs.near[k];
+        BodyProgress& b = w.s.bodies[w.bodies.size() + k] = {};
+        b.start = p.start;
+        b.target = b.base = b.pose = p.pose;
+    }
+}
+
+}  // namespace
+
 void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions) {
     for (std::size_t object = 0; object < w.shapes.size(); ++object) {
         const RigidShape& shape = w.shapes[object];
@@ -250,9 +278,12 @@ void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<Pa
         b.base = b.pose = centre_pose(body, shape.pose);
         b.step.setZero();
     }
-    for (std::size_t object = 0; object < w.shapes.size(); ++object) set_object(w, int(object));
+    begin_planes(w);
     find_coupled_chunks(w);
-    find_pairs(w, pair_frictions);
+    if (!w.bodies.empty()) {
+        for (std::size_t object = 0; object < w.shapes.size(); ++object) set_object(w, int(object));
+        find_pairs(w, pair_frictions);
+    }
     wake(w);
     group(w);
 }

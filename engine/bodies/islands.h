@@ -16,7 +16,17 @@ struct BodyWork {
     BodySolve& s;
     SkinChunks& chunks;
     double time;  ///< simulated, at the end of the step [s]
+    const Table<Skin>& skins;
+    FingerPairs& pairs;  ///< the planes between fingers come after all bodies
 };
+
+/// Whether a row of BodySolve::bodies is a plane between fingers.
+inline bool is_plane(const BodyWork& w, int body) { return body >= int(w.bodies.size()); }
+/// About as large as the contact of two fingers: what torques on a plane are measured by [m].
+inline constexpr double plane_size = 5e-3;
+inline double size_of(const BodyWork& w, int body) {
+    return is_plane(w, body) ? plane_size : w.bodies[std::size_t(body)].size;
+}
 
 /// Calls visit(chunk, kernel) for a coupled chunk, whatever its precision.
 template <class Visit>
@@ -69,12 +79,19 @@ void for_each_body_of(const BodyWork& w, const SkinChunk<T>& c, int lane, Visit 
 /// The island of the bodies that a pair connects.
 Island& island_of_pair(BodyWork& work, const BodyPair& pair);
 
+/// Memory for so many bodies and planes between fingers.
+void reserve_islands(BodySolve& solve, int places, int chunks);
+
 /// Places for further pairs of objects: `at_least` for each object, and as many as it is near to. Allocates: at load,
 /// and once for an object that more others come near to than ever before.
 void grow_pairs(BodySolve& solve, int at_least);
 
 /// Bodies at the start of the step, objects, chunks near bodies, pairs of objects near each other, islands.
 void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions);
+
+/// Puts each plane between fingers where what presses on it balances to the last bit that matters, whether the solve has
+/// converged or not, and keeps the fingers' forces as they then are.
+void balance_planes(BodyWork& work);
 
 /// Takes over where the solve has brought lanes and bodies: velocities and statuses; bounces; puts bodies to sleep.
 void end_body_step(BodyWork& work);

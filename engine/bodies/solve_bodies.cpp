@@ -1,4 +1,4 @@
-// Bodies, and the fingers that touch them, in one implicit solve: Newton on the sum of their incremental potentials. In
+// Bodies, planes between fingers, and the fingers that touch them, in one implicit solve: Newton on the sum of their incremental potentials. In
 // each iteration a lane condenses its skin and bone onto the bodies it touches (skin/coupled.h), the bodies are solved
 // on the sum, and lanes and bodies move together. Islands that do not touch each other iterate on their own.
 
@@ -28,8 +28,16 @@ void place_bodies(Work& w, bool at_end_of_step) {
     for (int k = 0; k < int(w.s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
             for (int lane = 0; lane < c.width; ++lane)
-                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
-                    if (LaneContact& o = c.contacts.at(slot, lane); o.body >= 0) o.pose = w.s.objects[o.object].pose;
+                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+                    LaneContact& o = c.contacts.at(slot, lane);
+                    if (o.finger >= 0) {
+                        const BodyProgress& b = w.s.bodies[o.body];
+                        o.pose = plane_side(at_end_of_step ? moved(b.pose, b.step, 1) : b.pose,
+                                            o.finger < c.finger[std::size_t(lane)]);
+                    } else if (o.body >= 0) {
+                        o.pose = w.s.objects[o.object].pose;
+                    }
+                }
         });
 }
 
@@ -44,6 +52,16 @@ void for_each_end(Work& w, const BodyPair& p, const PairTerm& t, Visit visit) {
 Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 Eigen::Matrix3d eigen(const Mat3<double>& m) {
     return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&m.m[0][0]);
+}
+
+/// A plane between fingers has no inertia, and where nothing rubs it slides freely: its Newton steps are held back by
+/// this, which is little beside tissue, but more than rounding of what the lanes condense [N/m].
+template <class T>
+double plane_slack(const SkinChunk<T>& c, int lane) {
+    const double penalty = double(c.rest.contact_penalty[std::size_t(lane)]) *
+                           double(c.state.penalty_scale[std::size_t(c.width + lane)]);
+    return 1e-3 * double(c.rest.tissue_stiffness[std::size_t(lane)]) +
+           1600 * double(std::numeric_limits<T>::epsilon()) * penalty;
 }
 
 /// Everything at the current positions and poses: energies, gradients, and what each island makes of them.
@@ -67,6 +85,11 @@ void evaluate_all(Work& w, bool with_matrix) {
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
         Island& i = s.islands[s.bodies[b].island];
         if (!active(i)) continue;
+        if (is_plane(w, int(b))) {
+            s.bodies[b].inertia = {};
+            s.bodies[b].gradient.setZero();
+            continue;
+        }
         s.bodies[b].inertia = body_inertia(w.bodies[b], s.bodies[b].target, s.bodies[b].pose, w.solver.dt);
         s.bodies[b].gradient = s.bodies[b].inertia.gradient;
         i.evaluation.energy += s.bodies[b].inertia.energy;
@@ -101,15 +124,22 @@ void evaluate_all(Work& w, bool with_matrix) {
         e.extent = std::max(e.extent, double(c.rest.extent[std::size_t(lane)]));
         e.contact_force += r.contact_force, e.coupling_force = std::max(e.coupling_force, r.coupling_force);
         i.rounding += r.rounding;
+        const double slack = plane_slack(c, lane);
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
             for (int k = 0; k < 6; ++k) b.gradient[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
+            if (c.contacts.at(slot, lane).finger < 0) return;
+            for (int k = 0; k < 6; ++k) {
+                double& own = b.inertia.curvature(k, k);
+                own = std::max(own, k < 3 ? slack : slack * plane_size * plane_size);
+            }
         });
     });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
         const Motion& g = s.bodies[b].gradient;
         Evaluation<double>& e = s.islands[s.bodies[b].island].evaluation;
-        e.extent = std::max(e.extent, w.bodies[b].size);
-        e.residual += g.head<3>().squaredNorm() + g.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
+        const double size = size_of(w, int(b));
+        if (!is_plane(w, int(b))) e.extent = std::max(e.extent, size);
+        e.residual += g.head<3>().squaredNorm() + g.tail<3>().squaredNorm() / (size * size);
     }
 }
 
@@ -122,12 +152,13 @@ void solve_island(Work& w, Island& island) {
     A.setZero();
     for (int b : island.bodies) {
         BodyProgress& body = s.bodies[b];
+        s.rhs.segment<6>(body.row) = body.rhs;
+        if (is_plane(w, b)) continue;
         A.block<6, 6>(body.row, body.row) = body.inertia.curvature;
         // As skin is: by the tissue's stiffness, or where there is none by what the body itself resists with.
         const double scale = island.stiffness > 0 ? island.stiffness : body.inertia.curvature(0, 0);
         const double damping = island.progress.damping * scale, size = w.bodies[b].size;
         for (int k = 0; k < 6; ++k) A(body.row + k, body.row + k) += k < 3 ? damping : damping * size * size;
-        s.rhs.segment<6>(body.row) = body.rhs;
     }
     for (BodyPair& p : s.pairs) {
         if (p.a < 0 || &island_of_pair(w, p) != &island) continue;
@@ -155,6 +186,14 @@ void solve_island(Work& w, Island& island) {
             });
         });
     });
+    for (int b : island.bodies) {  // last: the sum does not depend on which of its fingers comes first
+        if (!is_plane(w, b)) continue;
+        const double damping = island.progress.damping * island.stiffness;
+        const BodyProgress& body = s.bodies[b];
+        for (int k = 0; k < 6; ++k)
+            A(body.row + k, body.row + k) +=
+                body.inertia.curvature(k, k) + (k < 3 ? damping : damping * plane_size * plane_size);
+    }
     Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factor(A);
     if (factor.info() != Eigen::Success) {
         island.bad_pivots += 1;
@@ -255,9 +294,8 @@ void follow_contacts(Work& w) {
             Island& island = s.islands[i];
             if (!island.following) continue;
             for (int b : island.bodies)
-                island.contact_residual +=
-                    s.bodies[b].rhs.head<3>().squaredNorm() +
-                    s.bodies[b].rhs.tail<3>().squaredNorm() / (w.bodies[b].size * w.bodies[b].size);
+                island.contact_residual += s.bodies[b].rhs.head<3>().squaredNorm() +
+                                           s.bodies[b].rhs.tail<3>().squaredNorm() / (size_of(w, b) * size_of(w, b));
             const double share = w.solver.contact_share * w.solver.contact_share;
             island.following = island.contact_residual > share * island.evaluation.residual;
             any_following |= island.following;
@@ -302,10 +340,12 @@ void newton_step(Work& w) {
         if (newton(s.islands[i])) detail::adapt_damping<double>(s.islands[i].progress, true);
     for_each_lane(w, [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].damping = i.progress.damping; });
     for (BodyProgress& b : s.bodies) b.rhs = -b.gradient;
-    // The lanes' part of the bodies' gradient comes with what they condense.
+    // The lanes' part of the bodies' gradient comes with what they condense; planes have no other.
+    for (std::size_t b = w.bodies.size(); b < s.bodies.size(); ++b) s.bodies[b].rhs.setZero();
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (!newton(i)) return;
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
+            if (c.contacts.at(slot, lane).finger >= 0) return;
             for (int k = 0; k < 6; ++k) b.rhs[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
         });
     });
@@ -351,7 +391,8 @@ void stiffen_against_inertia(Work& w) {
         using T = std::remove_reference_t<decltype(c.state.penalty_scale[0])>;
         double mass = 0;
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
-            if (const int body = c.contacts.at(slot, lane).body; body >= 0) mass = std::max(mass, w.bodies[body].mass);
+            if (const int body = c.contacts.at(slot, lane).body; body >= 0 && !is_plane(w, body))
+                mass = std::max(mass, w.bodies[body].mass);
         const double inertia = mass / (w.solver.dt * w.solver.dt), kept = 0.7;  // begin_step lets them fall by so much
         const double spacing = std::cbrt(8.5 * double(c.rest.volume[std::size_t(lane)]));
         const double bases[] = {spacing * double(c.rest.limit_penalty[std::size_t(lane)]),
@@ -382,10 +423,12 @@ void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& 
 }
 
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
-                  const std::vector<PairFriction>& pair_frictions, double time, Threads& threads,
-                  Table<RigidShape>& shapes, Table<RigidBody>& bodies, BodySolve& solve, SkinChunks& chunks) {
-    if (bodies.empty()) return;
-    Work w{solver, threads, shapes, bodies, solve, chunks, time};
+                  const std::vector<PairFriction>& pair_frictions, double time, const Table<Skin>& skins,
+                  Threads& threads, Table<RigidShape>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
+                  BodySolve& solve, SkinChunks& chunks) {
+    if (bodies.empty() && pairs.near.empty()) return;
+    solve.bodies.resize(bodies.size() + pairs.near.size());
+    Work w{solver, threads, shapes, bodies, solve, chunks, time, skins, pairs};
     find_islands(w, gravity, pair_frictions);
     auto active = [](const Island& i) { return bool(i.progress.active); };
     for (int i = 0; i < solve.island_count; ++i) solve.islands[i].stiffness = 0;
@@ -425,6 +468,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
         update_pair(p, true);
         if (island_of_pair(w, p).progress.failed) std::fill(p.contacts.begin(), p.contacts.end(), FeatureContact{});
     }
+    balance_planes(w);
     place_bodies(w, false);
     end_body_step(w);
 }

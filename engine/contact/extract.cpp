@@ -112,7 +112,11 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     const std::size_t S = t.samples.size();
     const int slots = c.contacts.count[std::size_t(lane)];
     out.objects.assign(std::size_t(slots), ObjectContact{});
-    for (int slot = 0; slot < slots; ++slot) out.objects[std::size_t(slot)].object = c.contacts.at(slot, lane).object;
+    for (int slot = 0; slot < slots; ++slot) {
+        const LaneContact& o = c.contacts.at(slot, lane);
+        out.objects[std::size_t(slot)].object = o.finger < 0 ? o.object : -1;
+        out.objects[std::size_t(slot)].finger = o.finger;
+    }
     std::fill(out.touches.begin(), out.touches.end(), 0);
     for (std::size_t s = 0; s < S; ++s) {
         out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
@@ -157,6 +161,20 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     out.rough_steps += out.rough;
 }
 
+/// A finger slips over another as far as both do over the plane between them.
+void add_slips(Table<ContactSurface>& surfaces) {
+    auto toward = [&](std::size_t row, int finger) {
+        auto& all = surfaces[row].objects;
+        return std::find_if(all.begin(), all.end(), [&](const ObjectContact& o) { return o.finger == finger; });
+    };
+    for (std::size_t row = 0; row < surfaces.size(); ++row)
+        for (ObjectContact& o : surfaces[row].objects) {
+            if (o.finger < int(row)) continue;
+            const auto other = toward(std::size_t(o.finger), int(row));
+            if (other != surfaces[std::size_t(o.finger)].objects.end()) o.slip = other->slip = o.slip + other->slip;
+        }
+}
+
 }  // namespace
 
 void extract_contact(const Table<Skin>& skins, SkinChunks& chunks, Table<Coupling>& couplings,
@@ -169,6 +187,7 @@ void extract_contact(const Table<Skin>& skins, SkinChunks& chunks, Table<Couplin
             if (!((chunk.unchanged_lanes >> skin.lane) & 1u)) extract(chunk, skin.lane, coupling, surfaces[row]);
         });
     }
+    add_slips(surfaces);
 }
 
 }  // namespace palpate

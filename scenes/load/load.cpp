@@ -50,6 +50,15 @@ void read_filter(Section s, std::optional<PoseFilter>& filter) {
 constexpr const char* coupling_sentence = "Virtual coupling from tracked pose to bone.";
 constexpr const char* filter_sentence = "One-euro filter of tracked poses; without this table there is none.";
 
+/// [contact]: fingers against each other.
+void read_contact(Section s, SceneSpec& spec) {
+    spec.fingers_touch = true;
+    s.boolean("fingers", spec.fingers_touch, "Whether fingers touch each other; otherwise they pass through.");
+    s.number("skin_friction", spec.skin_friction, unit::one, friction_bounds,
+             "Coulomb coefficient of one finger against another.");
+    s.finish();
+}
+
 /// What all fingers have in common, as far as the scene's own tables say.
 FingerModel read_common_finger(Section& root) {
     FingerModel model;
@@ -137,6 +146,7 @@ void read_scene(Section& root, Scene& scene, FingerTemplates& templates, Problem
     read_objects(root, scene, folder);
     read_fingers(root, scene, folder, hands, templates, problems);
     read_pair_frictions(root, scene);
+    read_contact(root.table("contact", "Fingers against each other."), scene.spec);
     read_solver(root.table("solver", "How the skin is solved: accuracy against time."), scene);
     read_thimble_loop(root.table("thimbles", "What the loops of all thimbles share."), scene);
     root.finish();

@@ -82,6 +82,7 @@ RecordedRun read_header(const nlohmann::json& j) {
     run.overrides = j.at("overrides").get<Names>(), run.arrays = j.at("arrays").get<Names>();
     run.fingers = j.at("fingers").get<Names>(), run.objects = j.at("objects").get<Names>();
     run.has_file = j.value("has_file", true);
+    run.fingers_touch = j.value("fingers_touch", false);
     run.governed = j.value("governed", false), run.duration = j.value("duration_s", 0.0);
     return run;
 }

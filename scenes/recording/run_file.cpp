@@ -95,6 +95,7 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
                                {"objects", objects},
                                {"arrays", array_names(s)},
                                {"governed", s.governor.has_value()},
+                               {"fingers_touch", s.scene.spec.fingers_touch},
                                {"dt_s", s.world.solver.dt},
                                {"duration_s", s.scene.duration}}));
 }
@@ -147,7 +148,10 @@ Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
     if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);
     if (read_file(run.scene) != run.text)
         throw InputError(run.scene + ": has changed since the run was recorded" + remedy);
-    return load_scene(run.scene, overrides);
+    Scene scene = load_scene(run.scene, overrides);
+    // In runs from before fingers touched each other, they did not.
+    scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
+    return scene;
 }
 
 }  // namespace palpate

@@ -12,15 +12,17 @@ namespace palpate {
 
 /// An object as one lane sees it in one step.
 struct LaneContact {
-    int object = -1;  ///< row of the object; -1: none
+    int object = -1;  ///< row of the object; -1: none; of another finger: its row after those of all objects
     Shape shape;
     Pose<double> pose;           ///< at the end of the step; of a body: as far as the solve has got
     Pose<double> start;          ///< at its beginning
     double friction = 0;         ///< Coulomb coefficient of this finger against it
     double stiffness = 0;        ///< pressure per depth of an object that gives way [Pa/m]; 0: rigid
-    int body = -1;               ///< row of the body that moves it; -1: fixed or scripted
+    int body = -1;               ///< row of the body that moves it; -1: fixed or scripted; planes between fingers
+                                 ///< come after all bodies
     Vec3<double> mass_centre{};  ///< of the body, in the object's frame [m]
     bool fresh = false;          ///< was not near in the step before
+    int finger = -1;             ///< row of the finger on the other side of the plane that this is; -1: an object
 };
 
 inline constexpr int shape_kind_count = 6;  ///< of ShapeKind

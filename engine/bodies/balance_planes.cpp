@@ -1,0 +1,217 @@
+// The planes between fingers at the end of a step: where the solve has left the fingers, each plane is put where forces
+// and torques of both sides on it cancel. It has no mass: what is left over would be momentum from nowhere. After a step
+// that has converged this moves it by next to nothing; after another, it makes action and reaction equal all the same.
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "engine/bodies/islands.h"
+
+namespace palpate {
+
+namespace {
+
+using Work = BodyWork;
+
+template <class T>
+Vec3<double> read(const LaneArray<T>& a, std::size_t index, std::size_t W, int lane) {
+    const T* p = &a[3 * index * W + std::size_t(lane)];
+    return {double(p[0]), double(p[W]), double(p[2 * W])};
+}
+
+/// A nodal array of positions at a sample, from the lane's origin.
+template <class T>
+Vec3<double> sample_of(const SkinChunk<T>& c, const LaneArray<T>& nodal, std::size_t s, int lane) {
+    const SkinTopology& t = *c.topology;
+    const auto W = std::size_t(c.width);
+    if (s < t.samples.size()) return read(nodal, std::size_t(t.samples[s]), W, lane);
+    const FaceSample& f = t.face_samples[s - t.samples.size()];
+    // In the precision, and the order, in which the solve adds them up.
+    Vec3<T> sum{0, 0, 0};
+    for (std::size_t k = 0; k < 3; ++k) {
+        const T* p = &nodal[3 * std::size_t(f.node[k]) * W + std::size_t(lane)];
+        const Vec3<T> part = T(f.weight[k]) * Vec3<T>{p[0], p[W], p[2 * W]};
+        sum = k == 0 ? part : sum + part;
+    }
+    return {double(sum.x), double(sum.y), double(sum.z)};
+}
+
+/// The slot of a lane that holds the plane to another finger.
+template <class T>
+int slot_of(const SkinChunk<T>& c, int lane, int finger) {
+    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+        if (c.contacts.at(slot, lane).finger == finger) return slot;
+    return -1;
+}
+
+/// Calls visit(chunk, lane, slot, of_b) for both sides of a pair.
+template <class Visit>
+void for_both(const Work& w, const FingerPair& p, Visit visit) {
+    for (const bool of_b : {false, true}) {
+        const Skin& skin = w.skins[std::size_t(of_b ? p.b : p.a)];
+        w.chunks.with(skin.single_precision, skin.chunk, [&](auto& c) {
+            visit(c, skin.lane, slot_of(c, skin.lane, of_b ? p.a : p.b), of_b);
+        });
+    }
+}
+
+template <class T>
+void collect(const Work& w, const SkinChunk<T>& c, int lane, int slot, bool of_b, FingerPairs& pairs,
+             const Pose<double>& start) {
+    const auto W = std::size_t(c.width), S = c.topology->sample_count();
+    const bool fine = (c.fine_lanes >> lane) & 1u, rubs = c.has_friction && w.pairs.friction > 0;
+    const double scale = double(c.state.penalty_scale[W + std::size_t(lane)]);
+    const Vec3<double> origin = lane_origin(c, lane);
+    const Pose<double> side = plane_side(start, of_b);
+    for (std::size_t s = 0; s < (fine ? S : c.topology->samples.size()); ++s) {
+        const std::size_t i = (std::size_t(slot) * S + s) * W + std::size_t(lane);
+        PlaneSample& p = pairs.samples.emplace_back();
+        p.of_b = of_b;
+        p.number = std::size_t(slot) * S + s;
+        p.x = origin + sample_of(c, c.state.position, s, lane);
+        p.normal_multiplier = double(c.state.normal_multiplier[i]);
+        p.offset = double(c.state.contact_offset[i]);
+        const double base = double(c.rest.contact_penalty[s * W + std::size_t(lane)]);
+        p.k = base * scale;
+        p.k_slip = base * std::min(scale, 16.0);
+        if (!rubs) continue;
+        p.before = inverse_transform(side, origin + sample_of(c, c.scratch.start_position, s, lane));
+        p.friction_radius = double(c.state.friction_radius[i]);
+        p.tangential_multiplier = read(c.state.tangential_multiplier, p.number, W, lane);
+        p.friction_normal = read(c.state.friction_normal, p.number, W, lane);
+    }
+}
+
+/// What one sample does against the plane, as sample_contact.h has it.
+ContactTerms<double> terms_of(const PlaneSample& p, const Pose<double>& side, const Mat3<double>& R, bool rubs,
+                              double exactness = 0) {
+    const Vec3<double> zero{0, 0, 0}, local = transposed_times(R, p.x - side.position);
+    const double distance = local.z - p.offset;
+    const bool slid = rubs && (p.friction_radius > 0 || dot(p.tangential_multiplier, p.tangential_multiplier) > 0);
+    if (p.normal_multiplier <= 0 && distance >= 0 && !slid) return {0, zero, Mat3<double>::zero(), 0, zero};
+    const ContactState<double> state{p.normal_multiplier, R * p.tangential_multiplier, p.friction_radius,
+                                     R * p.friction_normal};
+    const SurfacePoint<double> surface{distance, R.column(2)};
+    return contact_terms(surface, R * (local - p.before), p.k, p.k_slip, state, rubs, exactness);
+}
+
+/// Energy of the contacts by the plane's motions.
+struct PlaneTerms {
+    double energy = 0, force = 0;
+    Motion gradient = Motion::Zero();
+    MotionMatrix curvature = MotionMatrix::Zero();
+};
+PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane, double exactness) {
+    PlaneTerms out;
+    const Pose<double> sides[2] = {plane_side(plane, false), plane_side(plane, true)};
+    const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
+    for (const PlaneSample& p : pairs.samples) {
+        const ContactTerms<double> t = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0, exactness);
+        if (t.energy == 0 && t.normal_force == 0 && !(dot(t.gradient, t.gradient) > 0)) continue;
+        const Eigen::Matrix<double, 3, 6> G = -point_motion(p.x - plane.position);
+        const Eigen::Vector3d g(t.gradient.x, t.gradient.y, t.gradient.z);
+        const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> K(&t.curvature.m[0][0]);
+        out.energy += t.energy;
+        out.force += g.norm();
+        out.gradient += G.transpose() * g;
+        out.curvature += G.transpose() * (K * G);
+    }
+    return out;
+}
+
+double imbalance(const Motion& gradient) {
+    return gradient.head<3>().norm() + gradient.tail<3>().norm() / plane_size;
+}
+
+/// One Newton step of the plane, shortened until it leads on; false where none does.
+bool step_plane(const FingerPairs& pairs, double exactness, Pose<double>& plane, PlaneTerms& here) {
+    MotionMatrix H = evaluate_plane(pairs, plane, exactness).curvature;
+    const double slack = 1e-9 * H.diagonal().head<3>().maxCoeff() + 1e-9;
+    for (int k = 0; k < 6; ++k) H(k, k) += k < 3 ? slack : slack * plane_size * plane_size;
+    const Motion step = -H.llt().solve(here.gradient);
+    if (!step.allFinite()) return false;
+    const double off = imbalance(here.gradient);
+    for (double alpha = 1; alpha > 1e-3; alpha *= 0.5) {
+        const Pose<double> tried = moved(plane, step, alpha);
+        const PlaneTerms there = evaluate_plane(pairs, tried, 0);
+        // Near the end, energies are rounded, and forces tell whether a step leads on.
+        const bool near = off < 1e-4 * here.force;
+        if (near ? imbalance(there.gradient) < 0.9 * off : there.energy < here.energy) {
+            plane = tried, here = there;
+            return true;
+        }
+    }
+    return false;
+}
+
+/// Newton on the six motions of the plane, fingers as they are: with exact curvature where that leads on; where both
+/// sides slide there may be none, and the quadratic above the potential of friction does.
+Pose<double> balanced(const FingerPairs& pairs, Pose<double> plane) {
+    constexpr double close_enough = 1e-10;  // of the forces
+    PlaneTerms here = evaluate_plane(pairs, plane, 0);
+    for (int k = 0; k < 100 && imbalance(here.gradient) > close_enough * here.force; ++k)
+        if (!step_plane(pairs, 1, plane, here) && !step_plane(pairs, 0, plane, here)) break;
+    return plane;
+}
+
+/// The fingers keep the forces that they have against the plane where it is now; what that adds to their residuals is
+/// said.
+template <class T>
+void keep_forces(const Work& w, SkinChunk<T>& c, int lane, bool of_b, const Pose<double>& plane, FingerPair& pair,
+                 double& load) {
+    const auto W = std::size_t(c.width);
+    const Pose<double> side = plane_side(plane, of_b);
+    const Mat3<double> R = rotation_matrix(side.rotation);
+    const bool rubs = c.has_friction && w.pairs.friction > 0;
+    double added = 0;
+    for (const PlaneSample& p : w.pairs.samples) {
+        if (p.of_b != of_b) continue;
+        const ContactTerms<double> t = terms_of(p, side, R, rubs);
+        const std::size_t i = p.number * W + std::size_t(lane);
+        const Vec3<double> change = t.gradient - p.first_gradient;
+        added += dot(change, change);
+        c.scratch.normal_candidate[i] = T(t.normal_force);
+        pair.touching |= t.normal_force > 0;
+        load += t.normal_force;
+        if (t.normal_force > 0) pair.centre += (t.normal_force / load) * (p.x - pair.centre);
+        if (!rubs) continue;
+        const Vec3<double> tangential = transposed_times(R, t.tangential);
+        for (int d = 0; d < 3; ++d) {
+            c.scratch.tangential_candidate[(3 * p.number + std::size_t(d)) * W + std::size_t(lane)] = T(tangential[d]);
+            c.scratch.contact_normal[(3 * p.number + std::size_t(d)) * W + std::size_t(lane)] = T(d == 2);
+        }
+    }
+    double& residual = c.exchange.lanes[std::size_t(lane)].residual;  // squared
+    const double more = std::sqrt(residual) + std::sqrt(added);
+    if (added > 0) residual = more * more;
+}
+
+bool has_failed(const Work& w, std::size_t plane) { return w.s.islands[w.s.bodies[plane].island].progress.failed; }
+
+}  // namespace
+
+void balance_planes(BodyWork& w) {
+    FingerPairs& pairs = w.pairs;
+    for (std::size_t k = 0; k < pairs.near.size(); ++k) {
+        FingerPair& pair = pairs.near[k];
+        const std::size_t plane = w.bodies.size() + k;
+        BodyProgress& b = w.s.bodies[plane];
+        pair.touching = false;
+        if (has_failed(w, plane)) continue;
+        pairs.samples.clear();
+        for_both(w, pair,
+                 [&](auto& c, int lane, int slot, bool of_b) { collect(w, c, lane, slot, of_b, pairs, b.start); });
+        const Pose<double> sides[2] = {plane_side(b.pose, false), plane_side(b.pose, true)};
+        const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
+        for (PlaneSample& p : pairs.samples)
+            p.first_gradient = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0).gradient;
+        b.pose = balanced(pairs, b.pose);
+        pair.centre = b.pose.position;
+        double load = 0;
+        for_both(w, pair,
+                 [&](auto& c, int lane, int, bool of_b) { keep_forces(w, c, lane, of_b, b.pose, pair, load); });
+    }
+}
+
+}  // namespace palpate
