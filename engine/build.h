@@ -65,8 +65,8 @@ struct SceneSpec {
     std::vector<PairFriction> pair_frictions;
     std::vector<FingerFriction> finger_frictions;
     std::vector<ThimbleSpec> thimbles;
-    bool fingers_touch = false;    ///< each other
-    double skin_friction = 0.5;    ///< Coulomb coefficient of one finger against another
+    bool fingers_touch = false;  ///< each other
+    double skin_friction = 0.5;  ///< Coulomb coefficient of one finger against another
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;
 };

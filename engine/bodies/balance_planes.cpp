@@ -1,6 +1,7 @@
 // The planes between fingers at the end of a step: where the solve has left the fingers, each plane is put where forces
-// and torques of both sides on it cancel. It has no mass: what is left over would be momentum from nowhere. After a step
-// that has converged this moves it by next to nothing; after another, it makes action and reaction equal all the same.
+// and torques of both sides on it cancel. It has no mass: what is left over would be momentum from nowhere. After a
+// step that has converged this moves it by next to nothing; after another, it makes action and reaction equal all the
+// same.
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -50,9 +51,8 @@ template <class Visit>
 void for_both(const Work& w, const FingerPair& p, Visit visit) {
     for (const bool of_b : {false, true}) {
         const Skin& skin = w.skins[std::size_t(of_b ? p.b : p.a)];
-        w.chunks.with(skin.single_precision, skin.chunk, [&](auto& c) {
-            visit(c, skin.lane, slot_of(c, skin.lane, of_b ? p.a : p.b), of_b);
-        });
+        w.chunks.with(skin.single_precision, skin.chunk,
+                      [&](auto& c) { visit(c, skin.lane, slot_of(c, skin.lane, of_b ? p.a : p.b), of_b); });
     }
 }
 
@@ -120,9 +120,7 @@ PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane, d
     return out;
 }
 
-double imbalance(const Motion& gradient) {
-    return gradient.head<3>().norm() + gradient.tail<3>().norm() / plane_size;
-}
+double imbalance(const Motion& gradient) { return gradient.head<3>().norm() + gradient.tail<3>().norm() / plane_size; }
 
 /// One Newton step of the plane, shortened until it leads on; false where none does.
 bool step_plane(const FingerPairs& pairs, double exactness, Pose<double>& plane, PlaneTerms& here) {

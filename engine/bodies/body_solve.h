@@ -52,7 +52,7 @@ struct BodySolve {
     std::vector<int> parent;                     ///< union-find over bodies, then lanes
     std::vector<int> lane_island;                ///< [coupled chunk][16]
     std::vector<int> coupled;                    ///< chunks near a body: doubles, then floats
-    std::vector<Island> islands;  ///< the last is that of sleeping bodies
+    std::vector<Island> islands;                 ///< the last is that of sleeping bodies
     int island_count = 0;
     Eigen::MatrixXd matrix;  ///< of the largest island
     Eigen::VectorXd rhs;

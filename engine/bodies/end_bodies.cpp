@@ -221,8 +221,7 @@ void put_to_sleep(Work& w) {
 
 void end_body_step(BodyWork& w) {
     end_lanes(w);
-    for (std::size_t k = 0; k < w.pairs.near.size(); ++k)
-        w.pairs.near[k].pose = w.s.bodies[w.bodies.size() + k].pose;
+    for (std::size_t k = 0; k < w.pairs.near.size(); ++k) w.pairs.near[k].pose = w.s.bodies[w.bodies.size() + k].pose;
     end_bodies(w);
     brake_recovery(w);
     bounce(w);

@@ -89,8 +89,8 @@ void grow_pairs(BodySolve& solve, int at_least);
 /// Bodies at the start of the step, objects, chunks near bodies, pairs of objects near each other, islands.
 void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions);
 
-/// Puts each plane between fingers where what presses on it balances to the last bit that matters, whether the solve has
-/// converged or not, and keeps the fingers' forces as they then are.
+/// Puts each plane between fingers where what presses on it balances to the last bit that matters, whether the solve
+/// has converged or not, and keeps the fingers' forces as they then are.
 void balance_planes(BodyWork& work);
 
 /// Takes over where the solve has brought lanes and bodies: velocities and statuses; bounces; puts bodies to sleep.

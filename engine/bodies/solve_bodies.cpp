@@ -1,6 +1,7 @@
-// Bodies, planes between fingers, and the fingers that touch them, in one implicit solve: Newton on the sum of their incremental potentials. In
-// each iteration a lane condenses its skin and bone onto the bodies it touches (skin/coupled.h), the bodies are solved
-// on the sum, and lanes and bodies move together. Islands that do not touch each other iterate on their own.
+// Bodies, planes between fingers, and the fingers that touch them, in one implicit solve: Newton on the sum of their
+// incremental potentials. In each iteration a lane condenses its skin and bone onto the bodies it touches
+// (skin/coupled.h), the bodies are solved on the sum, and lanes and bodies move together. Islands that do not touch
+// each other iterate on their own.
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -58,8 +59,8 @@ Eigen::Matrix3d eigen(const Mat3<double>& m) {
 /// this, which is little beside tissue, but more than rounding of what the lanes condense [N/m].
 template <class T>
 double plane_slack(const SkinChunk<T>& c, int lane) {
-    const double penalty = double(c.rest.contact_penalty[std::size_t(lane)]) *
-                           double(c.state.penalty_scale[std::size_t(c.width + lane)]);
+    const double penalty =
+        double(c.rest.contact_penalty[std::size_t(lane)]) * double(c.state.penalty_scale[std::size_t(c.width + lane)]);
     return 1e-3 * double(c.rest.tissue_stiffness[std::size_t(lane)]) +
            1600 * double(std::numeric_limits<T>::epsilon()) * penalty;
 }

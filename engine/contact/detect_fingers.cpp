@@ -24,9 +24,10 @@ auto with_finger(const PairWork& w, int finger, Visit visit) {
     return w.chunks.with(skin.single_precision, skin.chunk, [&](auto& c) { return visit(c, skin.lane); });
 }
 
-/// How far a finger may go in this step [m]: with its bone's targets, by its springs' force, with its own speed.
+/// How far a finger may go in this step in a direction [m]: with its bone's targets, by its springs' force, with its
+/// own speed.
 template <class T>
-double way_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver) {
+double way_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver, const Vec3<double>& direction) {
     const auto W = std::size_t(c.width);
     auto spring = [&](int s, int i) {
         return double(c.scratch.bone_springs[std::size_t(9 * s + i) * W + std::size_t(lane)]);
@@ -34,20 +35,22 @@ double way_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver) {
     double way[bone_spring_count];
     for (int s = 0; s < bone_spring_count; ++s) {
         Vec3<double> d;
-        for (int k = 0; k < 3; ++k) d[k] = spring(s, 2 + k) - double(c.state.bone[std::size_t(k) * W + std::size_t(lane)]);
-        way[s] = norm(d);
+        for (int k = 0; k < 3; ++k)
+            d[k] = spring(s, 2 + k) - double(c.state.bone[std::size_t(k) * W + std::size_t(lane)]);
+        way[s] = std::max(0.0, dot(d, direction));
     }
     if (!solver.inertia) return way[0];
-    // What presses on something stretches the coupling; in one step it brings the bone no farther than its mass lets it.
+    // What presses on something stretches the coupling; in one step it brings the bone no farther than its mass lets
+    // it.
     const double pulled = way[0] * std::min(1.0, spring(0, 0) / spring(2, 0));
-    double speed2 = 0;
+    double speed = 0;
     if (!((c.rigid_lanes >> lane) & 1u))
         for (int node : c.topology->samples) {
             Vec3<double> v;
             for (int d = 0; d < 3; ++d) v[d] = c.state.velocity[std::size_t(3 * node + d) * W + std::size_t(lane)];
-            speed2 = std::max(speed2, dot(v, v));
+            speed = std::max(speed, dot(v, direction));
         }
-    return std::max({pulled, way[1], way[2], solver.dt * std::sqrt(speed2)});
+    return std::max({pulled, way[1], way[2], solver.dt * speed});
 }
 
 /// The bone's origin, then the pad: where pads have crossed, bones tell which finger is on which side.
@@ -84,10 +87,10 @@ Vec3<double> unit_vector(const Vec3<double>& v) {
 Vec3<double> widest_gap(const FingerPairs& pairs, const Vec3<double>& guess) {
     Support s = support(pairs, guess);
     Vec3<double> v = s.of_a - s.of_b;
-    for (int k = 0; k < 60; ++k) {
+    for (int k = 0; k < 40; ++k) {
         s = support(pairs, unit_vector(v));
         const Vec3<double> w = s.of_a - s.of_b, along = w - v;
-        if (dot(v, v) - dot(v, w) <= 1e-4 * dot(v, v)) break;
+        if (dot(v, v) - dot(v, w) <= 1e-3 * dot(v, v)) break;
         const double way = -dot(v, along) / std::max(dot(along, along), 1e-30);
         v = v + std::clamp(way, 0.0, 1.0) * along;
     }
@@ -130,33 +133,55 @@ Carried carried(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
     return {Vec3<double>{rate(0), rate(1), rate(2)} + cross(spin, point - lane_bone(c, lane).position), spin};
 }
 
-/// Puts a plane between the two pads where they do not press on it; returns how far they are apart.
-double place_between(FingerPairs& pairs, FingerPair& p, const FingerPair* before) {
-    const Vec3<double> apart = unit_vector(pairs.pad_a[0] - pairs.pad_b[0]);
-    Vec3<double> n = widest_gap(pairs, apart);
-    Support s = support(pairs, n);
-    if (s.gap <= 0) {
-        n = before ? rotation_matrix(before->pose.rotation).column(2) : least_overlap(pairs, apart);
-        s = support(pairs, n);
+/// Whether two pads so far apart along n may touch in this step.
+bool may_touch(const PairWork& w, const FingerPair& p, const Vec3<double>& n, double gap) {
+    if (gap <= 1e-3) return true;
+    const double way = with_finger(w, p.a, [&](auto& c, int lane) { return way_of(c, lane, w.solver, -n); }) +
+                       with_finger(w, p.b, [&](auto& c, int lane) { return way_of(c, lane, w.solver, n); });
+    return gap <= 1e-3 + 2 * way;
+}
+
+/// Puts a plane between the two pads where they do not press on it; returns whether they may in this step.
+bool place_between(const PairWork& w, FingerPair& p, const FingerPair* before) {
+    const Vec3<double> apart = unit_vector(w.pairs.pad_a[0] - w.pairs.pad_b[0]);
+    Vec3<double> n = before ? rotation_matrix(before->pose.rotation).column(2) : apart;
+    const Quaternion<double> last = before ? before->pose.rotation : Quaternion<double>::identity();
+    Support s = support(w.pairs, n);
+    bool near = may_touch(w, p, n, s.gap);
+    if (near) {  // along the last plane's normal: there may be a better one
+        n = widest_gap(w.pairs, n);
+        s = support(w.pairs, n);
+        if (s.gap <= 0) {
+            n = before ? rotation_matrix(last).column(2) : least_overlap(w.pairs, apart);
+            s = support(w.pairs, n);
+        }
+        near = may_touch(w, p, n, s.gap);
     }
-    p.start.rotation = turned_to(before ? before->pose.rotation : Quaternion<double>::identity(), n);
-    p.start.position = 0.5 * (s.of_a + s.of_b);
-    return s.gap;
+    p.start = {0.5 * (s.of_a + s.of_b), turned_to(last, n)};
+    p.pose = p.start;
+    return near;
 }
 
 /// Whether two fingers that may be near each other are; the plane between them.
 bool is_near(PairWork& w, FingerPair& p, const FingerPair* before) {
-    const double way = with_finger(w, p.a, [&](auto& c, int lane) { return way_of(c, lane, w.solver); }) +
-                       with_finger(w, p.b, [&](auto& c, int lane) { return way_of(c, lane, w.solver); });
     if (before && before->touching) {
         p.start = {before->centre, before->pose.rotation};
     } else {
         with_finger(w, p.a, [&](auto& c, int lane) { read_pad(c, lane, w.pairs.pad_a); });
         with_finger(w, p.b, [&](auto& c, int lane) { read_pad(c, lane, w.pairs.pad_b); });
-        if (place_between(w.pairs, p, before) > 1e-3 + 2 * way) return false;
+        if (!place_between(w, p, before)) return false;
     }
     p.pose = p.start;
+    p.touched = before && before->touching;
     if (!w.solver.inertia) return true;
+    if (p.touched && before->touched) {  // it goes on as it went
+        const Quaternion<double> turn = before->pose.rotation * conjugate(before->start.rotation);
+        p.pose.position += before->pose.position - before->start.position +
+                           rotation_matrix(turn) * (before->centre - before->pose.position) -
+                           (before->centre - before->pose.position);
+        p.pose.rotation = normalised(turn * p.start.rotation);
+        return true;
+    }
     const auto of_a = with_finger(w, p.a, [&](auto& c, int lane) { return carried(c, lane, p.start.position); });
     const auto of_b = with_finger(w, p.b, [&](auto& c, int lane) { return carried(c, lane, p.start.position); });
     const double half = 0.5 * w.solver.dt;
@@ -166,24 +191,28 @@ bool is_near(PairWork& w, FingerPair& p, const FingerPair* before) {
 }
 
 bool is_still(const PairWork& w, int finger) {
-    return with_finger(w, finger, [&](auto& c, int lane) {
-        return ((c.unchanged_lanes >> lane) & 1u) != 0 && same_target(c, lane);
-    });
+    return with_finger(
+        w, finger, [&](auto& c, int lane) { return ((c.unchanged_lanes >> lane) & 1u) != 0 && same_target(c, lane); });
 }
 
 /// Sweeps over the fingers from low to high x for those whose reaches meet.
 void find_pairs(PairWork& w) {
     FingerPairs& pairs = w.pairs;
     for (std::size_t i = 0; i < pairs.reach.size(); ++i)
-        pairs.reach[i] =
-            with_finger(w, int(i), [&](auto& c, int lane) { return c.reach[std::size_t(lane)]; });
+        pairs.reach[i] = with_finger(w, int(i), [&](auto& c, int lane) { return c.reach[std::size_t(lane)]; });
     auto low = [&](int i) { return pairs.reach[std::size_t(i)].centre.x - pairs.reach[std::size_t(i)].radius; };
     // Hardly anything changes from step to step: sorting by insertion costs no more than looking.
     for (std::size_t i = 1; i < pairs.order.size(); ++i)
         for (std::size_t k = i; k > 0 && low(pairs.order[k]) < low(pairs.order[k - 1]); --k)
             std::swap(pairs.order[k], pairs.order[k - 1]);
-    std::swap(pairs.near, pairs.before);
+    auto find = [&](const FingerPair& p) {
+        return std::find_if(pairs.before.begin(), pairs.before.end(),
+                            [&](const FingerPair& q) { return q.a == p.a && q.b == p.b; });
+    };
+    for (const FingerPair& p : pairs.near)
+        if (const auto same = find(p); same != pairs.before.end()) *same = p;
     pairs.near.clear();
+    std::size_t known = 0;  // the first of `before` are those found in this step
     for (std::size_t i = 0; i < pairs.order.size(); ++i) {
         const Sphere& a = pairs.reach[std::size_t(pairs.order[i])];
         for (std::size_t k = i + 1; k < pairs.order.size(); ++k) {
@@ -195,13 +224,17 @@ void find_pairs(PairWork& w) {
             FingerPair p;
             p.a = std::min(pairs.order[i], pairs.order[k]);
             p.b = std::max(pairs.order[i], pairs.order[k]);
-            const auto same = std::find_if(pairs.before.begin(), pairs.before.end(),
-                                           [&](const FingerPair& q) { return q.a == p.a && q.b == p.b; });
-            const FingerPair* before = same == pairs.before.end() ? nullptr : &*same;
-            if (!before && is_still(w, p.a) && is_still(w, p.b)) continue;
-            if (is_near(w, p, before)) pairs.near.push_back(p);
+            auto same = find(p);
+            const bool fresh = same == pairs.before.end();
+            if (fresh) same = pairs.before.insert(pairs.before.end(), p);
+            // Two that sleep were not near, and are where they were.
+            const bool still = !fresh && is_still(w, p.a) && is_still(w, p.b);
+            if (!still && is_near(w, p, fresh ? nullptr : &*same)) pairs.near.push_back(p);
+            if (!still) *same = p;
+            std::iter_swap(same, pairs.before.begin() + std::ptrdiff_t(known++));
         }
     }
+    pairs.before.resize(known);
     std::sort(pairs.near.begin(), pairs.near.end(),
               [](const FingerPair& p, const FingerPair& q) { return p.a != q.a ? p.a < q.a : p.b < q.b; });
 }
@@ -214,13 +247,16 @@ bool reserve_planes(PairWork& w, int bodies, BodySolve& solve) {
         reserve_islands(solve, std::max(places, solve.places * 3 / 2), w.chunks.count());
         grew = true;
     }
+    std::size_t most = 0;
     w.chunks.for_each([&](auto& c) {
+        most = std::max(most, c.topology->sample_count());
         if (c.has_bodies && (c.has_friction || w.pairs.friction <= 0)) return;
         c.has_bodies = true;
         c.has_friction = c.has_friction || w.pairs.friction > 0;
         resize_fields(c);
         grew = true;
     });
+    w.pairs.samples.reserve(2 * most);
     return grew;
 }
 
@@ -275,9 +311,15 @@ int detect_finger_pairs(const Table<RigidShape>& shapes, const Table<RigidBody>&
                         const SolverSettings& solver, BodySolve& solve, FingerPairs& pairs, SkinChunks& chunks) {
     if (!pairs.on) return 0;
     PairWork w{skins, solver, pairs, chunks};
+    auto memory = [&] {
+        return pairs.near.capacity() + pairs.before.capacity() + pairs.pad_a.capacity() + pairs.pad_b.capacity();
+    };
+    const bool were_near = !pairs.near.empty();
+    const std::size_t had = memory();
     find_pairs(w);
-    if (pairs.near.empty() && pairs.before.empty()) return 0;
-    const int growths = pairs.near.empty() ? 0 : reserve_planes(w, int(bodies.size()), solve);
+    int growths = memory() > had;
+    if (pairs.near.empty() && !were_near) return growths;
+    if (!pairs.near.empty()) growths += reserve_planes(w, int(bodies.size()), solve);
     return growths + fill_slots(w, int(shapes.size()), int(bodies.size()));
 }
 

@@ -86,7 +86,7 @@ struct RecordedRun {
     bool has_file = true;        ///< false: the scene was given as text, `scene` says which folder its files are in
     bool governed = false;       ///< a governor chose each step's preset
     bool fingers_touch = false;  ///< each other; files from before they could do not say
-    double duration = 0;    ///< asked for [s]; 0: the file does not say
+    double duration = 0;         ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;
     std::vector<Change> changes;
     std::vector<Gap> gaps;

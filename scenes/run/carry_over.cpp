@@ -74,6 +74,15 @@ void carry_chunks(std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T>>& to
     }
 }
 
+/// Fingers that are no longer to touch each other let go.
+void part_fingers(World& w) {
+    w.chunks.for_each([](auto& c) {
+        for (int lane = 0; lane < c.width; ++lane)
+            for (int slot = c.contacts.count[std::size_t(lane)]; slot-- > 0;)
+                if (c.contacts.at(slot, lane).finger >= 0) erase_contact(c, lane, slot);
+    });
+}
+
 }  // namespace
 
 bool carry_over(Simulation& from, Simulation& to) {
@@ -102,6 +111,10 @@ bool carry_over(Simulation& from, Simulation& to) {
         b.contact_force = a.contact_force, b.contact_torque = a.contact_torque;
         b.asleep = a.asleep && v.time < b.release;  // others look again where they are
     }
+    if (v.finger_pairs.on)
+        v.finger_pairs.near = u.finger_pairs.near, v.finger_pairs.before = u.finger_pairs.before;
+    else
+        part_fingers(v);
     v.body_solve.pairs = u.body_solve.pairs;
     v.body_solve.first_pair = u.body_solve.first_pair;
     for (std::size_t i = 0; i < u.matchings.size(); ++i) {

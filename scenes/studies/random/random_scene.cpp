@@ -220,6 +220,26 @@ void draw_drop(Random& r, RandomScene& s, int fingers, int elements) {
     if (r.chance(0.3)) s.blocks.push_back({"[coupling]", line("stiffness_N_per_mm = %.3f", r.log_between(0.5, 500))});
 }
 
+/// Fingers against each other, two by two: pad to pad or askew, pressed, sheared, turned; of some pairs one stays.
+void draw_pinch(Random& r, RandomScene& s, int fingers, int elements, double dt) {
+    if (r.chance(0.8)) s.blocks.push_back({"[contact]", line("skin_friction = %.3f", random_friction(r))});
+    for (int i = 0; i < std::max(2, fingers); ++i) {
+        const double side = i % 2 ? 1 : -1, x = 30.0 * (i / 2), close = dt * r.integer(5, 15);
+        const double aside = r.between(-3, 3), up = r.between(-3, 3), roll = -90 * side + r.between(-20, 20);
+        const double pitch = r.between(-15, 15), pressed = 8 - r.between(0.3, 2);
+        Block b = finger(r, line("finger %d", i), elements);
+        b.emplace_back("track = [");
+        b.push_back(keyframe(0, x + aside, 13 * side, up, roll, pitch));
+        b.push_back(keyframe(close, x + aside, pressed * side, up, roll, pitch));
+        if (r.chance(0.5))
+            b.push_back(keyframe(close + dt * r.integer(3, 15), x + aside + r.between(-4, 4), pressed * side,
+                                 up + r.between(-4, 4), roll + r.between(-10, 10), pitch));
+        if (r.chance(0.3)) b.push_back(keyframe(close + 20 * dt, x + aside, 14 * side, up, roll, pitch));
+        b.emplace_back("]");
+        s.blocks.push_back(b);
+    }
+}
+
 }  // namespace
 
 RandomScene random_scene(unsigned seed) {
@@ -241,7 +261,10 @@ RandomScene random_scene(unsigned seed) {
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
     const int size = random_scene_elements[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
-    if (kind < 0.4)
+    // Every tenth is of fingers alone; the others are those that there were before.
+    if (seed % 10 == 9)
+        draw_pinch(r, s, fingers, size, dt);
+    else if (kind < 0.4)
         draw_press(r, s, fingers, size, dt);
     else if (kind < 0.65)
         draw_grasp(r, s, fingers, size, dt);
