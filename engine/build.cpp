@@ -196,6 +196,10 @@ void prepare_finger_pairs(const SceneSpec& spec, FingerPairs& pairs) {
     pairs.reach.resize(fingers);
     pairs.slot.resize(fingers);
     for (std::size_t i = 0; i < fingers; ++i) pairs.order.push_back(int(i));
+    pairs.before.reserve(std::min(fingers * (fingers - 1) / 2, 8 * fingers));
+    std::size_t pad = 0;
+    for (const FingerSpec& f : spec.fingers) pad = std::max(pad, f.mesh.pad_nodes.size() + 1);
+    pairs.pad_a.reserve(pad), pairs.pad_b.reserve(pad);
 }
 
 /// Fingers of larger meshes are solved one by one: the factor of a finger alone works on panels, whose advantage grows

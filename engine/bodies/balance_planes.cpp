@@ -4,6 +4,7 @@
 // same.
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -84,8 +85,7 @@ void collect(const Work& w, const SkinChunk<T>& c, int lane, int slot, bool of_b
 }
 
 /// What one sample does against the plane, as sample_contact.h has it.
-ContactTerms<double> terms_of(const PlaneSample& p, const Pose<double>& side, const Mat3<double>& R, bool rubs,
-                              double exactness = 0) {
+ContactTerms<double> terms_of(const PlaneSample& p, const Pose<double>& side, const Mat3<double>& R, bool rubs) {
     const Vec3<double> zero{0, 0, 0}, local = transposed_times(R, p.x - side.position);
     const double distance = local.z - p.offset;
     const bool slid = rubs && (p.friction_radius > 0 || dot(p.tangential_multiplier, p.tangential_multiplier) > 0);
@@ -93,26 +93,28 @@ ContactTerms<double> terms_of(const PlaneSample& p, const Pose<double>& side, co
     const ContactState<double> state{p.normal_multiplier, R * p.tangential_multiplier, p.friction_radius,
                                      R * p.friction_normal};
     const SurfacePoint<double> surface{distance, R.column(2)};
-    return contact_terms(surface, R * (local - p.before), p.k, p.k_slip, state, rubs, exactness);
+    return contact_terms(surface, R * (local - p.before), p.k, p.k_slip, state, rubs, 1.0);
 }
 
 /// Energy of the contacts by the plane's motions.
 struct PlaneTerms {
     double energy = 0, force = 0;
+    double size = 0;  ///< sum of the energies' magnitudes: what rounding is relative to [J]
     Motion gradient = Motion::Zero();
     MotionMatrix curvature = MotionMatrix::Zero();
 };
-PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane, double exactness) {
+PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane) {
     PlaneTerms out;
     const Pose<double> sides[2] = {plane_side(plane, false), plane_side(plane, true)};
     const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
     for (const PlaneSample& p : pairs.samples) {
-        const ContactTerms<double> t = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0, exactness);
+        const ContactTerms<double> t = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0);
         if (t.energy == 0 && t.normal_force == 0 && !(dot(t.gradient, t.gradient) > 0)) continue;
         const Eigen::Matrix<double, 3, 6> G = -point_motion(p.x - plane.position);
         const Eigen::Vector3d g(t.gradient.x, t.gradient.y, t.gradient.z);
         const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> K(&t.curvature.m[0][0]);
         out.energy += t.energy;
+        out.size += std::abs(t.energy);
         out.force += g.norm();
         out.gradient += G.transpose() * g;
         out.curvature += G.transpose() * (K * G);
@@ -120,37 +122,73 @@ PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane, d
     return out;
 }
 
-double imbalance(const Motion& gradient) { return gradient.head<3>().norm() + gradient.tail<3>().norm() / plane_size; }
-
-/// One Newton step of the plane, shortened until it leads on; false where none does.
-bool step_plane(const FingerPairs& pairs, double exactness, Pose<double>& plane, PlaneTerms& here) {
-    MotionMatrix H = evaluate_plane(pairs, plane, exactness).curvature;
-    const double slack = 1e-9 * H.diagonal().head<3>().maxCoeff() + 1e-9;
-    for (int k = 0; k < 6; ++k) H(k, k) += k < 3 ? slack : slack * plane_size * plane_size;
-    const Motion step = -H.llt().solve(here.gradient);
-    if (!step.allFinite()) return false;
-    const double off = imbalance(here.gradient);
-    for (double alpha = 1; alpha > 1e-3; alpha *= 0.5) {
-        const Pose<double> tried = moved(plane, step, alpha);
-        const PlaneTerms there = evaluate_plane(pairs, tried, 0);
-        // Near the end, energies are rounded, and forces tell whether a step leads on.
-        const bool near = off < 1e-4 * here.force;
-        if (near ? imbalance(there.gradient) < 0.9 * off : there.energy < here.energy) {
-            plane = tried, here = there;
-            return true;
-        }
-    }
-    return false;
+void find_gradients(FingerPairs& pairs, const Pose<double>& plane) {
+    const Pose<double> sides[2] = {plane_side(plane, false), plane_side(plane, true)};
+    const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
+    for (PlaneSample& p : pairs.samples)
+        p.gradient = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0).gradient;
 }
 
-/// Newton on the six motions of the plane, fingers as they are: with exact curvature where that leads on; where both
-/// sides slide there may be none, and the quadratic above the potential of friction does.
+double imbalance(const Motion& gradient) { return gradient.head<3>().norm() + gradient.tail<3>().norm() / plane_size; }
+
+/// Newton on the six motions of the plane, fingers as they are, damped where it leads nowhere (Levenberg-Marquardt):
+/// where both sides slide, the potential is a valley that is nearly flat along the slip.
 Pose<double> balanced(const FingerPairs& pairs, Pose<double> plane) {
     constexpr double close_enough = 1e-10;  // of the forces
-    PlaneTerms here = evaluate_plane(pairs, plane, 0);
-    for (int k = 0; k < 100 && imbalance(here.gradient) > close_enough * here.force; ++k)
-        if (!step_plane(pairs, 1, plane, here) && !step_plane(pairs, 0, plane, here)) break;
+    constexpr int most = 40;
+    PlaneTerms here = evaluate_plane(pairs, plane);
+    double damping = 1e-9;
+    for (int k = 0; k < most && imbalance(here.gradient) > close_enough * here.force && damping < 1e6; ++k) {
+        MotionMatrix H = here.curvature;
+        const double slack = damping * (H.diagonal().head<3>().maxCoeff() + 1);
+        for (int d = 0; d < 6; ++d) H(d, d) += d < 3 ? slack : slack * plane_size * plane_size;
+        const Motion step = -H.llt().solve(here.gradient);
+        const Pose<double> tried = moved(plane, step, 1);
+        const PlaneTerms there = evaluate_plane(pairs, tried);
+        // At the rounding of energies, the forces tell whether a step leads on.
+        const bool rounded = std::abs(there.energy - here.energy) < 1e-13 * here.size;
+        const bool better =
+            rounded ? imbalance(there.gradient) < 0.9 * imbalance(here.gradient) : there.energy < here.energy;
+        if (better) plane = tried, here = there;
+        damping = better ? std::max(1e-9, 0.03 * damping) : 10 * damping;
+    }
     return plane;
+}
+
+/// What little is left over, as where both sides slide and differ in what they may bear, is taken from all samples by
+/// the force that they bear: the least change that leaves neither a force nor a torque on the plane.
+void settle_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
+    Motion left = Motion::Zero();
+    MotionMatrix M = MotionMatrix::Zero();
+    double force = 0;
+    const Vec3<double> z = rotation_matrix(plane.rotation).column(2);
+    const Eigen::Vector3d n(z.x, z.y, z.z);
+    auto way_of = [&](const PlaneSample& p) {
+        Eigen::Matrix<double, 3, 6> P = point_motion(p.x - plane.position);
+        P.rightCols<3>() /= plane_size;
+        if (!rubs) P = (n * (n.transpose() * P)).eval();
+        return P;
+    };
+    for (const PlaneSample& p : pairs.samples) {
+        const Eigen::Vector3d g(p.gradient.x, p.gradient.y, p.gradient.z);
+        if (!(g.norm() > 0)) continue;
+        const Eigen::Matrix<double, 3, 6> P = way_of(p);
+        left += P.transpose() * g;
+        M += g.norm() * (P.transpose() * P);
+        force += g.norm();
+    }
+    if (!(left.norm() > 1e-9 * force) || !left.allFinite()) return;
+    const Eigen::SelfAdjointEigenSolver<MotionMatrix> modes(M);
+    Motion y = Motion::Zero();
+    for (int k = 0; k < 6; ++k)
+        if (modes.eigenvalues()[k] > 1e-10 * modes.eigenvalues()[5])
+            y -= (modes.eigenvectors().col(k).dot(left) / modes.eigenvalues()[k]) * modes.eigenvectors().col(k);
+    for (PlaneSample& p : pairs.samples) {
+        const double share = norm(p.gradient);
+        if (!(share > 0)) continue;
+        const Eigen::Vector3d change = share * (way_of(p) * y);
+        p.gradient += Vec3<double>{change.x(), change.y(), change.z()};
+    }
 }
 
 /// The fingers keep the forces that they have against the plane where it is now; what that adds to their residuals is
@@ -165,16 +203,17 @@ void keep_forces(const Work& w, SkinChunk<T>& c, int lane, bool of_b, const Pose
     double added = 0;
     for (const PlaneSample& p : w.pairs.samples) {
         if (p.of_b != of_b) continue;
-        const ContactTerms<double> t = terms_of(p, side, R, rubs);
         const std::size_t i = p.number * W + std::size_t(lane);
-        const Vec3<double> change = t.gradient - p.first_gradient;
+        const Vec3<double> change = p.gradient - p.first_gradient, local = transposed_times(R, p.gradient);
         added += dot(change, change);
-        c.scratch.normal_candidate[i] = T(t.normal_force);
-        pair.touching |= t.normal_force > 0;
-        load += t.normal_force;
-        if (t.normal_force > 0) pair.centre += (t.normal_force / load) * (p.x - pair.centre);
+        // Along the plane's normal a sample bears -local.z, friction the rest.
+        const double normal_force = std::max(0.0, -local.z);
+        c.scratch.normal_candidate[i] = T(normal_force);
+        pair.touching |= normal_force > 0;
+        load += normal_force;
+        if (normal_force > 0) pair.centre += (normal_force / load) * (p.x - pair.centre);
         if (!rubs) continue;
-        const Vec3<double> tangential = transposed_times(R, t.tangential);
+        const Vec3<double> tangential{local.x, local.y, 0};
         for (int d = 0; d < 3; ++d) {
             c.scratch.tangential_candidate[(3 * p.number + std::size_t(d)) * W + std::size_t(lane)] = T(tangential[d]);
             c.scratch.contact_normal[(3 * p.number + std::size_t(d)) * W + std::size_t(lane)] = T(d == 2);
@@ -200,11 +239,11 @@ void balance_planes(BodyWork& w) {
         pairs.samples.clear();
         for_both(w, pair,
                  [&](auto& c, int lane, int slot, bool of_b) { collect(w, c, lane, slot, of_b, pairs, b.start); });
-        const Pose<double> sides[2] = {plane_side(b.pose, false), plane_side(b.pose, true)};
-        const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
-        for (PlaneSample& p : pairs.samples)
-            p.first_gradient = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0).gradient;
+        find_gradients(pairs, b.pose);
+        for (PlaneSample& p : pairs.samples) p.first_gradient = p.gradient;
         b.pose = balanced(pairs, b.pose);
+        find_gradients(pairs, b.pose);
+        settle_rest(pairs, b.pose, pairs.friction > 0);
         pair.centre = b.pose.position;
         double load = 0;
         for_both(w, pair,

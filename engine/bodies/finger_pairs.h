@@ -29,7 +29,7 @@ struct PlaneSample {
     Vec3<double> x{0, 0, 0}, before{0, 0, 0};  ///< now, world; at the start of the step, in the plane's frame
     double normal_multiplier = 0, offset = 0, k = 0, k_slip = 0, friction_radius = 0;
     Vec3<double> tangential_multiplier{0, 0, 0}, friction_normal{0, 0, 0};  ///< plane's frame
-    Vec3<double> first_gradient{0, 0, 0};                                   ///< before the plane was moved
+    Vec3<double> gradient{0, 0, 0}, first_gradient{0, 0, 0};                ///< before the plane was moved
 };
 
 struct FingerPairs {
