@@ -142,16 +142,18 @@ void RunWriter::finish() {
 
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides) {
-    if (!run.has_file) return load_scene_text(run.text, run.scene, overrides);
+    // In runs from before fingers touched each other, they did not.
+    auto as_then = [&](Scene scene) {
+        scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
+        return scene;
+    };
+    if (!run.has_file) return as_then(load_scene_text(run.text, run.scene, overrides));
     const std::string remedy =
         "; `palpate replay " + file.string() + " --extract " + run.scene + "` puts back what it said then";
     if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);
     if (read_file(run.scene) != run.text)
         throw InputError(run.scene + ": has changed since the run was recorded" + remedy);
-    Scene scene = load_scene(run.scene, overrides);
-    // In runs from before fingers touched each other, they did not.
-    scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
-    return scene;
+    return as_then(load_scene(run.scene, overrides));
 }
 
 }  // namespace palpate

@@ -136,6 +136,7 @@ void exchange(Archive& a, ContactSlots& c, const Table<RigidShape>& shapes) {
 
 template <class Archive, class T>
 void exchange(Archive& a, SkinChunk<T>& c, const Table<RigidShape>& shapes) {
+    value(a, c.has_bodies, c.has_friction);  // fingers that came near each other may have brought them
     value(a, c.used_lanes, c.own_frictions, c.asleep_lanes, c.rigid_lanes, c.unchanged_lanes, c.linear_lanes,
           c.fine_lanes, c.limits, c.skin_mass, c.skin_inertia, c.free_steps, c.coarse_steps, c.rest_reach, c.reach,
           c.still_spring);
@@ -242,6 +243,8 @@ void exchange(Archive& a, World& w) {
     for (RigidShape& o : w.shapes) value(a, o.pose, o.previous, o.body, o.held_body);
     for (RigidBody& b : w.bodies) value(a, b);
     exchange(a, w.body_solve);
+    growing(a, w.finger_pairs.near);
+    growing(a, w.finger_pairs.before);
     w.chunks.for_each([&](auto& chunk) { exchange(a, chunk, w.shapes); });
     for (Matching& m : w.matchings) {
         value(a, m.next, m.fresh, m.force_N, m.solves, m.constrained_solves, m.failures, m.contact_solves);
@@ -273,8 +276,10 @@ std::uint64_t fingerprint(const Simulation& s) {
     const World& w = s.world;
     for (std::size_t n : {w.skins.size(), w.shapes.size(), w.bodies.size(), w.matchings.size(), w.pose_filters.size(),
                           w.force_matchers.size(), sizeof(RigidBody), sizeof(LaneContact), sizeof(Coupling),
-                          sizeof(SolverSettings), sizeof(FeatureContact)})
+                          sizeof(SolverSettings), sizeof(FeatureContact), sizeof(FingerPair)})
         number(double(n));
+    number(w.finger_pairs.on);
+    number(w.finger_pairs.friction);
     for (const FingerSpec& f : s.scene.spec.fingers) {
         a.bytes(f.name.data(), f.name.size());
         a.bytes(f.mesh.nodes.data(), f.mesh.nodes.size() * sizeof f.mesh.nodes[0]);
