@@ -155,9 +155,8 @@ Pose<double> balanced(const FingerPairs& pairs, Pose<double> plane) {
     return plane;
 }
 
-/// What little is left over, as where both sides slide and differ in what they may bear, is taken from all samples by
-/// the force that they bear: the least change that leaves neither a force nor a torque on the plane.
-void settle_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
+/// One correction of settle_rest. False where nothing was left to correct.
+bool correct_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
     Motion left = Motion::Zero();
     MotionMatrix M = MotionMatrix::Zero();
     double force = 0;
@@ -177,7 +176,7 @@ void settle_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
         M += g.norm() * (P.transpose() * P);
         force += g.norm();
     }
-    if (!(left.norm() > 1e-9 * force) || !left.allFinite()) return;
+    if (!(left.norm() > 1e-9 * force) || !left.allFinite()) return false;
     const Eigen::SelfAdjointEigenSolver<MotionMatrix> modes(M);
     Motion y = Motion::Zero();
     for (int k = 0; k < 6; ++k)
@@ -188,14 +187,26 @@ void settle_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
         if (!(share > 0)) continue;
         const Eigen::Vector3d change = share * (way_of(p) * y);
         p.gradient += Vec3<double>{change.x(), change.y(), change.z()};
+        // Nothing pulls: a's samples press against z, b's along it.
+        if (const double along = dot(p.gradient, z); p.of_b ? along < 0 : along > 0) p.gradient -= along * z;
     }
+    return true;
+}
+
+/// What little is left over, as where both sides slide and differ in what they may bear, is taken from all samples by
+/// the force that they bear: the least change that leaves neither a force nor a torque on the plane. Where that cannot
+/// be without a pull, as in steps that are far from solved, the two let go of each other.
+void settle_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
+    for (int k = 0; k < 8; ++k)
+        if (!correct_rest(pairs, plane, rubs)) return;
+    for (PlaneSample& p : pairs.samples) p.gradient = {0, 0, 0};
 }
 
 /// The fingers keep the forces that they have against the plane where it is now; what that adds to their residuals is
 /// said.
 template <class T>
 void keep_forces(const Work& w, SkinChunk<T>& c, int lane, bool of_b, const Pose<double>& plane, FingerPair& pair,
-                 double& load) {
+                 Island& pair_island, double& load) {
     const auto W = std::size_t(c.width);
     const Pose<double> side = plane_side(plane, of_b);
     const Mat3<double> R = rotation_matrix(side.rotation);
@@ -222,6 +233,9 @@ void keep_forces(const Work& w, SkinChunk<T>& c, int lane, bool of_b, const Pose
     double& residual = c.exchange.lanes[std::size_t(lane)].residual;  // squared
     const double more = std::sqrt(residual) + std::sqrt(added);
     if (added > 0) residual = more * more;
+    // Where the solve was done, next to nothing changes.
+    const double scale = std::max({load, c.exchange.lanes[std::size_t(lane)].coupling_force, 0.01});
+    if (added > scale * scale * 1e-6) pair_island.progress.converged = false;
 }
 
 bool has_failed(const Work& w, std::size_t plane) { return w.s.islands[w.s.bodies[plane].island].progress.failed; }
@@ -246,8 +260,9 @@ void balance_planes(BodyWork& w) {
         settle_rest(pairs, b.pose, pairs.friction > 0);
         pair.centre = b.pose.position;
         double load = 0;
-        for_both(w, pair,
-                 [&](auto& c, int lane, int, bool of_b) { keep_forces(w, c, lane, of_b, b.pose, pair, load); });
+        for_both(w, pair, [&](auto& c, int lane, int, bool of_b) {
+            keep_forces(w, c, lane, of_b, b.pose, pair, w.s.islands[std::size_t(b.island)], load);
+        });
     }
 }
 
