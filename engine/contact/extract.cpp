@@ -157,7 +157,7 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
     if (status.wrong_sides > 0) status.converged = false;
     out.rough = !status.converged && status.contact_force_N > rough_from &&
-                status.residual_N > detail::rough_share * status.contact_force_N;
+                status.residual_N > detail::fitted::rough_share * status.contact_force_N;
     out.rough_steps += out.rough;
 }
 

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "engine/skin/chunks/fields.h"
+#include "engine/skin/solve/fitted.h"
 
 namespace palpate {
 
@@ -134,7 +135,7 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     double farthest = 0;
     for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));
     c.rest.extent[lane] = T(farthest);
-    c.rest.tissue_stiffness[lane] = T(5 * E / volume * spacing);
+    c.rest.tissue_stiffness[lane] = T(detail::fitted::tissue_stiffness * E / volume * spacing);
     const double nu = p.poisson_ratio, lambda = nu / ((1 + nu) * (1 - 2 * nu));  // over Young's modulus
     c.rest.rounding_stiffness[lane] = T(std::max(5.0, 3 * lambda - 5) * E / volume * spacing);
     c.rest_reach[lane] = sphere_around(*p.mesh, t.samples);

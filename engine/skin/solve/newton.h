@@ -47,14 +47,14 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
         if (c.rest.contact_penalty.empty()) continue;
         const double rounding = std::numeric_limits<T>::epsilon() * double(c.rest.extent[l]) *
                                 double(c.rest.contact_penalty[l]) * double(c.state.penalty_scale[W + l]);
-        if (rounding > 2e-6 * c.status[l].contact_force_N) stiff |= 1u << l;
+        if (rounding > fitted::felt_rounding * c.status[l].contact_force_N) stiff |= 1u << l;
     }
     const MaskOf<R> active = mask_from_bits<R>(active_lanes(c));
     const MaskOf<R> rigid = mask_from_bits<R>(limited), kept[2] = {rigid, mask_from_bits<R>(limited & ~stiff)};
     for (int k = 0; k < 2; ++k) {
         T* scale = &c.state.penalty_scale[k * W];
         const R old = load<R>(scale);
-        store<R>(scale, select(active, maximum(select(kept[k], R(1), R(T(0.7))) * old, R(1)), old));
+        store<R>(scale, select(active, maximum(select(kept[k], R(1), R(T(fitted::fall_back))) * old, R(1)), old));
     }
     // The first guess: nodes coast on; but where elements are at their limits, that would carry them far
     // past, so there the skin moves with the bone as it is.
@@ -231,7 +231,7 @@ inline MaskOf<R> lost_lanes(const SkinChunk<ScalarOf<R>>& c) {
         const Vec3<R> d = load_vec3<R>(&c.state.position[i * W3]) - bone;
         farthest = maximum(dot(d, d), farthest);
     }
-    const R reach = R(30) * load<R>(c.rest.extent.data());
+    const R reach = R(ScalarOf<R>(fitted::lost_at)) * load<R>(c.rest.extent.data());
     return !MaskOf<R>(farthest <= reach * reach);
 }
 
@@ -241,11 +241,11 @@ inline MaskOf<R> lost_lanes(const SkinChunk<ScalarOf<R>>& c) {
 template <class R>
 inline MaskOf<R> tangled_lanes(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, MaskOf<R> converged) {
     using T = ScalarOf<R>;
-    constexpr int most = 50;
-    const R pull = R(T(100)) * maximum(maximum(e.contact_force, e.coupling_force), R(1));
-    const MaskOf<R> tangled = (!converged) & (e.violation > R(T(0.5))) & (e.residual > pull * pull);
+    const R pull = R(T(fitted::tangled_pull)) * maximum(maximum(e.contact_force, e.coupling_force), R(1));
+    const MaskOf<R> tangled =
+        (!converged) & (e.violation > R(T(fitted::tangled_violation))) & (e.residual > pull * pull);
     R steps = select(tangled, load<R>(c.state.tangled_steps.data()) + R(1), R(0));
-    const MaskOf<R> lost = steps > R(T(most));
+    const MaskOf<R> lost = steps > R(T(fitted::tangled_steps));
     store<R>(c.state.tangled_steps.data(), select(lost, R(0), steps));
     return lost;
 }
@@ -309,21 +309,18 @@ inline unsigned end_iteration(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e,
     return lanes;
 }
 
-/// Multipliers that do not shrink a violation by four from one update to the next get a stiffer penalty.
-/// It must be free to grow: under 1000 N a penalty below about 500 times the base leaves the finger free to rock
-/// on it, and the multipliers then swing from one side to the other for ever.
+/// Multipliers that shrink a violation too little from one update to the next get a stiffer penalty (fitted.h).
 template <class R>
 inline void stiffen_slow_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s, const Evaluation<R>& e,
                                MaskOf<R> lanes, R& last_excess, R& last_depth) {
     using T = ScalarOf<R>;
-    const R largest(sizeof(T) == 8 ? T(1e5) : T(4e3));  // beyond, rounding of positions is felt as force
-    // Far outside, where elements are inverted or objects deep in the skin, a violation that stays says nothing about
-    // the multipliers.
-    const MaskOf<R> near = lanes & (e.violation < R(T(3))) & (e.penetration < R(T(1e-2)));
+    const R largest(T(sizeof(T) == 8 ? fitted::stiffest_double : fitted::stiffest_float));
+    const MaskOf<R> near =
+        lanes & (e.violation < R(T(fitted::far_beyond_limits))) & (e.penetration < R(T(fitted::deep_in_skin)));
     auto stiffen = [&](T* of, const R& most, const R& excess, R& last) {
         const R scale = load<R>(of);
-        const MaskOf<R> slow = near & (excess > R(1)) & (R(4) * excess > last) & (scale < most);
-        store<R>(of, select(slow, R(8) * scale, scale));
+        const MaskOf<R> slow = near & (excess > R(1)) & (R(T(fitted::fast_enough)) * excess > last) & (scale < most);
+        store<R>(of, select(slow, R(T(fitted::stiffer)) * scale, scale));
         last = select(lanes, excess, last);
     };
     const R violation = e.violation * R(T(1 / s.limit_tolerance)),

@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "engine/skin/chunks/chunk.h"
+#include "engine/skin/solve/fitted.h"
 
 namespace palpate {
 
@@ -65,14 +66,6 @@ struct LaneDecision {
     MaskOf<R> undo;  ///< of those that retry: back to where the step began, for a direction of another length
 };
 
-/// A step that has used its budget with forces off balance by more than half the contact force is a spike, felt and
-/// seen: it is solved on, by so many iterations at a time, and so many in all. One that is off by more than a tenth is
-/// too rough to be rendered.
-inline constexpr double extra_iterations = 4, most_extra_iterations = 40, spike_share = 0.5, rough_share = 0.1;
-
-/// A line search halves a step so often; what leads uphill then is taken back.
-inline constexpr double smallest_step = 1.0 / 64;
-
 template <class R>
 inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, LaneProgress<R>& p) {
     using T = ScalarOf<R>;
@@ -81,16 +74,17 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     p.active = p.active & !p.failed;
 
     // Energies are known no better than positions are: to the rounding of the finger's extent times the forces on it.
-    const R slack =
-        R(64 * e.epsilon) * absolute(e.energy) + R(4 * e.epsilon) * e.extent * (e.contact_force + e.coupling_force);
-    const MaskOf<R> decreased = sound & (e.energy <= p.base_energy + R(T(1e-4)) * p.alpha * p.slope + slack);
+    const R slack = R(T(fitted::energy_roundings) * e.epsilon) * absolute(e.energy) +
+                    R(T(fitted::extent_roundings) * e.epsilon) * e.extent * (e.contact_force + e.coupling_force);
+    const MaskOf<R> decreased =
+        sound & (e.energy <= p.base_energy + R(T(fitted::sufficient_decrease)) * p.alpha * p.slope + slack);
     // At the rounding of energies, the residual tells whether a step leads on.
-    const MaskOf<R> smallest = sound & (p.alpha <= R(T(smallest_step)));
+    const MaskOf<R> smallest = sound & (p.alpha <= R(T(fitted::smallest_step)));
     const MaskOf<R> taken = decreased | (smallest & ((e.residual <= p.base_residual) | (p.alpha <= R(0))));
     LaneDecision<R> d;
     d.retry = p.active & !taken;
     d.undo = d.retry & smallest;
-    p.failed = p.failed | (d.retry & (p.alpha < R(T(1e-6))));
+    p.failed = p.failed | (d.retry & (p.alpha < R(T(fitted::hopeless_step))));
     p.active = p.active & !p.failed;
     d.retry = d.retry & p.active;
     d.undo = d.undo & p.active;
@@ -107,14 +101,16 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     p.converged = p.converged | (ready & satisfied);
     const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations)) + p.extra;
     // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
-    d.update =
-        ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & (p.updates < R(T(4 * s.newton_iterations)));
+    d.update = ready & !satisfied & !out_of_budget & (p.iterations > R(0)) &
+               (p.updates < R(T(fitted::updates_per_iteration * s.newton_iterations)));
     const MaskOf<R> first = p.iterations <= R(0);
     d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
     // It evaluates again, with a matrix.
-    const MaskOf<R> rough = (e.contact_force > e.force_floor) & (residual > R(T(spike_share)) * e.contact_force);
-    const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget & rough & (p.extra < R(T(most_extra_iterations)));
-    p.extra += select(goes_on, R(T(extra_iterations)), R(0));
+    const MaskOf<R> rough =
+        (e.contact_force > e.force_floor) & (residual > R(T(fitted::spike_share)) * e.contact_force);
+    const MaskOf<R> goes_on =
+        p.active & !d.retry & out_of_budget & rough & (p.extra < R(T(fitted::most_extra_iterations)));
+    p.extra += select(goes_on, R(T(fitted::extra_iterations)), R(0));
     p.active = d.retry | d.update | d.newton | goes_on;
     return d;
 }
@@ -149,24 +145,20 @@ template <class R>
 inline void adapt_damping(LaneProgress<R>& p, MaskOf<R> lanes) {
     using T = ScalarOf<R>;
     const MaskOf<R> stepped = lanes & (p.slope < R(0));
-    const R more = minimum(maximum(R(3) * p.damping, R(1)), R(T(1e6))), less = R(T(0.2)) * p.damping;
-    p.damping = select(stepped, select(p.alpha < R(T(0.9)), more, less), p.damping);
+    const R more = minimum(maximum(R(T(fitted::more_damping)) * p.damping, R(1)), R(T(fitted::largest_damping)));
+    const R less = R(T(fitted::less_damping)) * p.damping;
+    p.damping = select(stepped, select(p.alpha < R(T(fitted::full_step)), more, less), p.damping);
 }
-
-/// Newton iterations of a step with positive curvature before exact curvature is tried: most steps are
-/// done by then; hard ones, under large limit forces, converge slowly without it. Steps that are not done
-/// after `exact_until` go on with positive curvature alone, which is slower but keeps nearer to the limits.
-inline constexpr int exact_after = 4, exact_until = 100;
 
 /// Less exact curvature where the matrix was indefinite, more where it was not.
 template <class R>
 inline void adapt_exactness(LaneProgress<R>& p, MaskOf<R> indefinite, MaskOf<R> definite) {
     using T = ScalarOf<R>;
-    const R less = select(p.exactness > R(T(0.05)), R(T(0.25)) * p.exactness, R(0));
-    const R more = minimum(R(1), select(p.exactness > R(0), R(2) * p.exactness, R(1)));
-    p.exactness =
-        select(indefinite, less, select(definite & (p.iterations + R(1) >= R(T(exact_after))), more, p.exactness));
-    p.exactness = select((indefinite | definite) & (p.iterations > R(T(exact_until))), R(0), p.exactness);
+    const R less = select(p.exactness > R(T(fitted::hardly_exact)), R(T(fitted::less_exact)) * p.exactness, R(0));
+    const R more = minimum(R(1), select(p.exactness > R(0), R(T(fitted::more_exact)) * p.exactness, R(1)));
+    p.exactness = select(indefinite, less,
+                         select(definite & (p.iterations + R(1) >= R(T(fitted::exact_after))), more, p.exactness));
+    p.exactness = select((indefinite | definite) & (p.iterations > R(T(fitted::exact_until))), R(0), p.exactness);
 }
 
 /// What becomes of a direction.

@@ -3,6 +3,7 @@
 
 #include "engine/contact/contact_terms.h"
 #include "engine/skin/chunks/samples.h"
+#include "engine/skin/solve/fitted.h"
 
 namespace palpate::detail {
 
@@ -128,7 +129,7 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, const Sl
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
     const R base = load<R>(&c.rest.contact_penalty[s * W]), scale = load<R>(&c.state.penalty_scale[W]);
-    const R k_slip = base * minimum(scale, R(T(16)));
+    const R k_slip = base * minimum(scale, R(T(fitted::stiffest_slip)));
     R k = base * scale;
     if (slot.any_soft) {  // the force of what gives way is what its depth makes it, and no multiplier
         out.state.normal_multiplier = select(slot.soft, R(T(0)), out.state.normal_multiplier);

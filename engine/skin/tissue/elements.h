@@ -6,6 +6,7 @@
 
 #include "engine/math/pose.h"
 #include "engine/skin/chunks/chunk.h"
+#include "engine/skin/solve/fitted.h"
 #include "engine/skin/solve/progress.h"
 #include "engine/skin/tissue/isotropic.h"
 
@@ -37,14 +38,13 @@ inline void store_pose(ScalarOf<R>* p, const Pose<R>& pose) {
 }
 
 /// Penalty of a strain limit: it grows with the multiplier, so that the augmented Lagrangian stays convex
-/// against buckling (below about 2 |Lambda| / low equilibria under 1000 N became saddles; at 6 all of the tests'
-/// converge, at 20 Newton needs three times the iterations), and so that T keeps two positive singular
-/// values (svd3.h allows one negative) however strong the compression.
+/// against buckling, and so that T keeps two positive singular values (svd3.h allows one negative) however strong the
+/// compression.
 template <class R>
 inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
     R squared(0);
     for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
-    return maximum(base, R(6) * square_root(squared) / low);
+    return maximum(base, R(ScalarOf<R>(fitted::penalty_over_multiplier)) * square_root(squared) / low);
 }
 
 /// What an evaluation is asked for: forces alone where no linear solve follows.
@@ -155,10 +155,6 @@ inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t 
     return deformation_gradient(x, g);
 }
 
-/// Elements whose stretches are this near a limit are watched while tissue is linear; the others then must not change
-/// by more than their distance from it.
-inline constexpr double watched_margin = 0.05;
-
 /// Notes for the masked lanes whether an element is near a limit, or held by one; how near the others are.
 template <class R>
 inline void watch_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Vec3<R>& sigma, MaskOf<R> lanes,
@@ -171,7 +167,7 @@ inline void watch_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const V
     if (!c.limits.unloaded)
         for (int i = 0; i < 9; ++i)
             largest = maximum(absolute(load<R>(&c.state.limit_multiplier[(9 * e + std::size_t(i)) * W])), largest);
-    const MaskOf<R> near = (margin < R(T(watched_margin))) | (largest > R(0));
+    const MaskOf<R> near = (margin < R(T(fitted::watched_margin))) | (largest > R(0));
     T* watched = &c.linear.watched[e * W];
     store<R>(watched, select(lanes, select(near, R(1), R(0)), load<R>(watched)));
     out.margin = minimum(select(near, out.margin, margin), out.margin);

@@ -33,8 +33,7 @@ inline void linearise_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone, con
         for (std::size_t i = 0; i < 9; ++i)
             keep(&l.blocks[(9 * p + i) * W], load<R>(&c.scratch.blocks[(9 * std::size_t(l.pairs[p].block) + i) * W]));
     keep(l.energy.data(), e.energy);
-    // A little less, for stretches are known to their rounding.
-    const R reach = maximum(R(T(0.98)) * e.margin, R(0));
+    const R reach = maximum(R(T(fitted::reach_share)) * e.margin, R(0));
     keep(l.reach.data(), reach);
     l.fresh_lanes = l.due_lanes;
     l.kept_lanes |= l.due_lanes;

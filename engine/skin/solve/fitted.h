@@ -1,0 +1,75 @@
+#pragma once
+// Numbers of the skin's solve that no law gives: each with what it was chosen on. All scenes of the repository, the
+// tests of engine/ and the stress suite run with them; change one, and run those again. Numbers that a user may trade
+// are settings (solver_settings.h) instead.
+
+namespace palpate::detail::fitted {
+
+// --- Line search and damping (progress.h) ---
+/// A step must bring this share of the decrease that its slope promises (Armijo's condition; Nocedal & Wright,
+/// sec. 3.1).
+inline constexpr double sufficient_decrease = 1e-4;
+/// A line search halves a step so often; what leads uphill then is taken back (random scenes: nothing was gained
+/// below).
+inline constexpr double smallest_step = 1.0 / 64;
+/// Below it a lane has failed, and is put to rest.
+inline constexpr double hopeless_step = 1e-6;
+/// Energies are known to so many roundings of themselves, and of the finger's extent times the forces on it (float
+/// against double on `hand` and `pinch`).
+inline constexpr double energy_roundings = 64, extent_roundings = 4;
+/// Levenberg-Marquardt: damping grows and shrinks by these, between 1 and the largest times the tissue's stiffness;
+/// steps longer than the fit count as full ones (scrambled starts, 1,000 N).
+inline constexpr double more_damping = 3, less_damping = 0.2, largest_damping = 1e6, full_step = 0.9;
+/// Scale of the damping: so many times Young's modulus times the spacing of nodes.
+inline constexpr double tissue_stiffness = 5;
+/// Iterations of a step with positive curvature before exact curvature is tried: most steps are done by then; hard
+/// ones, under large limit forces, converge slowly without it. Steps that are not done after `exact_until` go on with
+/// positive curvature alone, which is slower but keeps nearer to the limits (1,000 N against limits of 0.6 and 1.4).
+inline constexpr int exact_after = 4, exact_until = 100;
+/// Share of exact curvature where the matrix was indefinite, where it was not, and what counts as none.
+inline constexpr double less_exact = 0.25, more_exact = 2, hardly_exact = 0.05;
+
+// --- When a step is given more iterations, and when it is not rendered (progress.h) ---
+/// A step that has used its budget with forces off balance by more than half the contact force is a spike, felt and
+/// seen: it is solved on, by so many iterations at a time, and so many in all (`pinch`, `fast`, 5 ms). Below half, a
+/// ball of 5 kg slipped from its grip at 20 ms.
+inline constexpr double extra_iterations = 4, most_extra_iterations = 40, spike_share = 0.5;
+/// One that is off by more than a tenth is too rough to be rendered.
+inline constexpr double rough_share = 0.1;
+/// Multiplier updates of a step, as a multiple of its Newton iterations.
+inline constexpr int updates_per_iteration = 4;
+
+// --- Penalties (newton.h, elements.h, sample_contact.h) ---
+/// Multipliers that do not shrink a violation by this from one update to the next get a penalty so much stiffer. It
+/// must be free to grow: under 1,000 N a penalty below about 500 times the base leaves the finger free to rock on it,
+/// and the multipliers then swing from one side to the other for ever.
+inline constexpr double fast_enough = 4, stiffer = 8;
+/// At most: beyond, rounding of positions is felt as force, in double and in float.
+inline constexpr double stiffest_double = 1e5, stiffest_float = 4e3;
+/// What they fall back by per step once they are not needed.
+inline constexpr double fall_back = 0.7;
+/// Where contact penalties may stay: rounding of positions makes no more force than this share of what is carried.
+inline constexpr double felt_rounding = 2e-6;
+/// Far outside (violation, and depth [m]), where elements are inverted or objects deep in the skin, a violation that
+/// stays says nothing about the multipliers (scrambled starts).
+inline constexpr double far_beyond_limits = 3, deep_in_skin = 1e-2;
+/// Penalty of a strain limit over its multiplier: below about 2 equilibria under 1,000 N became saddles; at 6 all of
+/// the tests' converge, at 20 Newton needs three times the iterations.
+inline constexpr double penalty_over_multiplier = 6;
+/// Of the scale of a sliding contact's penalty across the normal (friction on the mug's rim).
+inline constexpr double stiffest_slip = 16;
+
+// --- Fingers that are lost (newton.h) ---
+/// A node so many extents away from the bone is nowhere.
+inline constexpr double lost_at = 30;
+/// Skin beyond this violation and off balance by so many times what pulls at it, for more steps than this, is wound
+/// around itself (scrambled starts; nothing that a finger can do leads there).
+inline constexpr double tangled_violation = 0.5, tangled_pull = 100;
+inline constexpr int tangled_steps = 50;
+
+// --- Linear tissue (elements.h, linear_tissue.h) ---
+/// Elements whose stretches are this near a limit are watched while tissue is linear; the others then must not change
+/// by more than this share of their distance from it (stretches are known to their rounding).
+inline constexpr double watched_margin = 0.05, reach_share = 0.98;
+
+}  // namespace palpate::detail::fitted
