@@ -3,7 +3,7 @@
 # usage: bench/mesh_error.sh [PALPATE] [ELEMENTS] [KEY=VALUE ...], such as: PALPATE 347,1400 finger.index.bone.cut=0.06
 # One row per scene and mesh: errors in % of the net force, of the force field on a grid of 3 mm and of the area, mean over
 # the steps in contact, against twice the finest mesh of the list (3,200 and more) with the same settings; the median of a step; and what
-# that reference is itself uncertain by. Results stand in OUT (default: results/mesh_error); each call runs all anew.
+# that reference is itself uncertain by. SCENES names fewer. Results stand in OUT (default: results/mesh_error); each call runs all anew.
 set -e
 root=$(cd "$(dirname "$0")/.." && pwd)
 palpate=$(realpath "${1:-$root/build/release/palpate}")
@@ -37,7 +37,7 @@ EOF
 done
 echo "settings: ${*:-as in the scenes}"
 printf '%-9s %9s %8s %8s %8s %9s   %s\n' scene elements 'net %' 'field %' 'area %' 'step us' 'uncertain: net %, field %'
-for scene in press-0 press-15 press-30 roll edge ball; do
+for scene in ${SCENES:-press-0 press-15 press-30 roll edge ball}; do
     file=$out/$scene.toml
     [ -f "$file" ] || file=$root/scenes/$scene.toml
     # shellcheck disable=SC2086

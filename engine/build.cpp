@@ -93,7 +93,7 @@ struct Archetype {
 
 bool same_connectivity(const TetMesh& a, const TetMesh& b) {
     return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes &&
-           a.pad_nodes == b.pad_nodes;
+           a.pad_nodes == b.pad_nodes && a.patches == b.patches;
 }
 
 std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {

@@ -9,6 +9,9 @@ namespace palpate {
 
 namespace {
 
+// Edges are split above and collapsed below these multiples of the wanted length (Botsch & Kobbelt 2004).
+constexpr double longest = 4.0 / 3.0, shortest = 4.0 / 5.0;
+
 struct RemeshTraits : OpenMesh::DefaultTraits {
     typedef OpenMesh::Vec3d Point;
     typedef OpenMesh::Vec3d Normal;
@@ -43,11 +46,16 @@ Surface to_surface(const WorkMesh& mesh) {
     return s;
 }
 
-void split_long_edges(WorkMesh& mesh, double longest) {
+Eigen::Vector3d middle(const WorkMesh& mesh, WorkMesh::EdgeHandle e) {
+    const auto h = mesh.halfedge_handle(e, 0);
+    return to_eigen(0.5 * (mesh.point(mesh.from_vertex_handle(h)) + mesh.point(mesh.to_vertex_handle(h))));
+}
+
+void split_long_edges(WorkMesh& mesh, const SizeField& size) {
     const std::size_t count = mesh.n_edges();  // edges made by splits wait for the next round
     for (std::size_t i = 0; i < count; ++i) {
         const WorkMesh::EdgeHandle e{static_cast<int>(i)};
-        if (mesh.status(e).deleted() || mesh.calc_edge_length(e) <= longest) continue;
+        if (mesh.status(e).deleted() || mesh.calc_edge_length(e) <= longest * size(middle(mesh, e))) continue;
         const auto h = mesh.halfedge_handle(e, 0);
         mesh.split(e, 0.5 * (mesh.point(mesh.from_vertex_handle(h)) + mesh.point(mesh.to_vertex_handle(h))));
     }
@@ -73,15 +81,18 @@ bool flips_normal(const WorkMesh& mesh, WorkMesh::VertexHandle v, WorkMesh::Vert
     return false;
 }
 
-void collapse_short_edges(WorkMesh& mesh, double shortest, double longest) {
+void collapse_short_edges(WorkMesh& mesh, const SizeField& size) {
     for (std::size_t i = 0; i < mesh.n_edges(); ++i) {
         const WorkMesh::EdgeHandle e{static_cast<int>(i)};
-        if (mesh.status(e).deleted() || mesh.calc_edge_length(e) >= shortest) continue;
+        if (mesh.status(e).deleted() || mesh.calc_edge_length(e) >= shortest * size(middle(mesh, e))) continue;
         const auto h = mesh.halfedge_handle(e, 0);
         const auto gone = mesh.from_vertex_handle(h), kept = mesh.to_vertex_handle(h);
         const Vec3d target = mesh.point(kept);
         bool too_long = false;
-        for (auto u : mesh.vv_range(gone)) too_long |= (mesh.point(u) - target).norm() > longest;
+        for (auto u : mesh.vv_range(gone)) {
+            const double wanted = size(to_eigen(0.5 * (mesh.point(u) + target)));
+            too_long |= (mesh.point(u) - target).norm() > longest * wanted;
+        }
         if (too_long || !mesh.is_collapse_ok(h) || flips_normal(mesh, gone, kept, target)) continue;
         mesh.collapse(h);
     }
@@ -144,23 +155,40 @@ void restore_volume(WorkMesh& mesh, double wanted) {
 
 }  // namespace
 
-Surface remesh(const TriangleTree& reference, double edge_length) {
+namespace {
+
+WorkMesh remeshed(const TriangleTree& reference, const SizeField& size, double largest) {
     WorkMesh mesh = to_work_mesh(reference.surface());
     double sum = 0;
     for (auto e : mesh.edges()) sum += mesh.calc_edge_length(e);
-    // The target grows by at most half per round: a coarse remesh in one go turns inside out.
-    double length = std::min(edge_length, sum / double(mesh.n_edges()));
+    // Edges grow by at most half per round: a coarse remesh in one go turns inside out.
+    double bound = std::min(largest, sum / double(mesh.n_edges()));
+    const SizeField bounded = [&](const Eigen::Vector3d& x) { return std::min(size(x), bound); };
     int settled = 0;
     while (settled < 5) {
-        split_long_edges(mesh, 4.0 / 3.0 * length);
-        collapse_short_edges(mesh, 4.0 / 5.0 * length, 4.0 / 3.0 * length);
+        split_long_edges(mesh, bounded);
+        collapse_short_edges(mesh, bounded);
         equalise_valences(mesh);
         smooth_and_project(mesh, reference);
-        if (length >= edge_length) ++settled;
-        length = std::min(edge_length, 1.5 * length);
+        if (bound >= largest) ++settled;
+        bound = std::min(largest, 1.5 * bound);
     }
+    return mesh;
+}
+
+}  // namespace
+
+Surface remesh(const TriangleTree& reference, double edge_length) {
+    WorkMesh mesh = remeshed(
+        reference, [&](const Eigen::Vector3d&) { return edge_length; }, edge_length);
     restore_volume(mesh, volume(reference.surface()));
     return to_surface(mesh);
+}
+
+Surface remesh(const TriangleTree& reference, const SizeField& size) {
+    double largest = 0;
+    for (const Point& p : reference.surface().vertices) largest = std::max(largest, size({p[0], p[1], p[2]}));
+    return to_surface(remeshed(reference, size, largest));
 }
 
 }  // namespace palpate

@@ -140,11 +140,14 @@ class Helper {
 
 }  // namespace
 
-TetMesh run_tetgen(const Surface& surface, const std::string& switches, const TetrahedraliseSettings& settings) {
-    if (auto wrong = check_surface(surface); !wrong.empty()) throw InputError(wrong);  // TetGen crashes on such
+TetMesh run_tetgen(const Surface& surface, const std::string& switches, const TetrahedraliseSettings& settings,
+                   const std::vector<Point>& holes) {
+    const SurfaceUse use = holes.empty() ? SurfaceUse::finger : SurfaceUse::object;         // of several parts
+    if (auto wrong = check_surface(surface, use); !wrong.empty()) throw InputError(wrong);  // TetGen crashes on such
     TetgenRequest request;
     request.vertex_count = int(surface.vertices.size());
     request.triangle_count = int(surface.triangles.size());
+    request.hole_count = int(holes.size());
     request.cpu_limit_s = settings.time_limit_s;
     request.memory_limit_bytes = settings.memory_limit_MiB * 1048576;
     std::strncpy(request.switches, (switches + "Q").c_str(), sizeof request.switches - 1);
@@ -156,6 +159,7 @@ TetMesh run_tetgen(const Surface& surface, const std::string& switches, const Te
         helper.send_all(&request, sizeof request, deadline) &&
         helper.send_all(surface.vertices.data(), surface.vertices.size() * sizeof(Point), deadline) &&
         helper.send_all(surface.triangles.data(), surface.triangles.size() * 3 * sizeof(int), deadline) &&
+        helper.send_all(holes.data(), holes.size() * sizeof(Point), deadline) &&
         helper.receive_all(&reply, sizeof reply, deadline);
     if (!answered) throw InputError("TetGen could not fill the surface: " + helper.ending());
     if (reply.status != 0)

@@ -16,6 +16,8 @@ struct TetMesh {
     std::vector<std::array<int, 3>> surface;  ///< boundary triangles, outward
     std::vector<int> bone_nodes;              ///< nodes tied to the bone, ascending
     std::vector<int> pad_nodes;               ///< surface nodes that can touch, ascending
+    std::vector<int>
+        patches;  ///< [tet] number, from 0, of the patch that shares one change of volume; empty: none does
 };
 
 }  // namespace palpate

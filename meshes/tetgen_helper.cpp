@@ -51,8 +51,10 @@ int main() {
 #endif
     std::vector<double> vertices(3 * std::size_t(request.vertex_count));
     std::vector<std::int32_t> triangles(3 * std::size_t(request.triangle_count));
+    std::vector<double> holes(3 * std::size_t(request.hole_count));
     if (!read_all(vertices.data(), vertices.size() * sizeof(double)) ||
-        !read_all(triangles.data(), triangles.size() * sizeof(std::int32_t)))
+        !read_all(triangles.data(), triangles.size() * sizeof(std::int32_t)) ||
+        !read_all(holes.data(), holes.size() * sizeof(double)))
         return 1;
 
     tetgenio in, out;
@@ -70,6 +72,11 @@ int main() {
         tetgenio::init(&f.polygonlist[0]);
         f.polygonlist[0].numberofvertices = 3;
         f.polygonlist[0].vertexlist = new int[3]{triangles[3 * i], triangles[3 * i + 1], triangles[3 * i + 2]};
+    }
+    if (!holes.empty()) {
+        in.numberofholes = request.hole_count;
+        in.holelist = new REAL[holes.size()];
+        std::copy(holes.begin(), holes.end(), in.holelist);
     }
     palpate::TetgenReply reply;
     try {

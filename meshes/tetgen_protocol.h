@@ -6,10 +6,10 @@
 namespace palpate {
 
 struct TetgenRequest {
-    std::int32_t vertex_count = 0, triangle_count = 0;
+    std::int32_t vertex_count = 0, triangle_count = 0, hole_count = 0;
     double cpu_limit_s = 0, memory_limit_bytes = 0;
     char switches[64] = {};
-    // then vertices [count][3] double, triangles [count][3] int32
+    // then vertices [count][3] double, triangles [count][3] int32, a point in each hole [count][3] double
 };
 
 struct TetgenReply {

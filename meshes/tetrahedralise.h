@@ -17,8 +17,10 @@ struct TetrahedraliseSettings {
 /// Bone and pad nodes are left empty. Throws InputError when no resolution gives a sound mesh.
 TetMesh tetrahedralise(const Surface& surface, const TetrahedraliseSettings& settings);
 
-/// One TetGen run in the helper process, surface kept as it is. Throws InputError with what happened:
-/// refused surface, crash, time or memory limit.
-TetMesh run_tetgen(const Surface& surface, const std::string& switches, const TetrahedraliseSettings& settings);
+/// One TetGen run in the helper process, surface kept as it is; where `holes` has points, the surface has closed parts
+/// around them that face inwards, and are left empty. Throws InputError with what happened: refused surface, crash,
+/// time or memory limit.
+TetMesh run_tetgen(const Surface& surface, const std::string& switches, const TetrahedraliseSettings& settings,
+                   const std::vector<Point>& holes = {});
 
 }  // namespace palpate

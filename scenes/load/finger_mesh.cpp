@@ -4,6 +4,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/patches.h"
 #include "meshes/tetrahedralise.h"
 
 namespace palpate {
@@ -26,14 +27,24 @@ void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
     }
 }
 
+/// Tetrahedra inside a surface in the finger frame.
+TetMesh filled(const FingerMeshRequest& r, const Surface& surface) {
+    if (r.kind == FingerMeshRequest::Kind::conforming)
+        return conforming_mesh(surface, r.regions, r.grading, {.elements = r.elements});
+    return tetrahedralise(surface, {.elements = r.elements});
+}
+
 TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
     FingerShape shape = finger_shape("middle");
     shape.nail_drop = r.shape.nail_drop;
     if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
-    const std::string key = std::to_string(r.elements) + " " + std::to_string(shape.nail_drop);
+    std::string key = std::to_string(r.elements) + " " + std::to_string(shape.nail_drop);
+    if (r.kind == FingerMeshRequest::Kind::conforming)
+        for (double x : {r.regions.cut, r.regions.nail, r.regions.phalanx_length, r.regions.phalanx_height,
+                         r.regions.phalanx_radius, r.grading.coarse, r.grading.bone})
+            key += " " + std::to_string(x);
     auto it = templates.find(key);
-    if (it == templates.end())
-        it = templates.emplace(key, tetrahedralise(finger_surface(shape), {.elements = r.elements})).first;
+    if (it == templates.end()) it = templates.emplace(key, filled(r, finger_surface(shape))).first;
     TetMesh mesh = it->second;
     for (Point& p : mesh.nodes) {
         p[0] *= r.shape.length / shape.length;
@@ -76,14 +87,15 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
     } else {
         const SurfaceFile file = read_surface(r.file, r.unit);
         note = r.file + " in " + file.unit + (file.unit_was_guessed ? " (guessed)" : "");
-        mesh = tetrahedralise(oriented(r, file.surface, note), {.elements = r.elements});
+        mesh = filled(r, oriented(r, file.surface, note));
     }
-    mark_bone(mesh, r);
+    if (mesh.bone_nodes.empty()) mark_bone(mesh, r);  // a conforming mesh has its own
     if (r.source == FingerMeshRequest::Source::parametric) {
         FingerShape swollen = r.shape;
         swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
         change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
     }
+    if (r.patch > 0) make_patches(mesh, r.patch);
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

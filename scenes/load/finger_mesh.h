@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "meshes/conforming_mesh.h"
 #include "meshes/finger_orientation.h"
 #include "meshes/finger_regions.h"
 #include "meshes/finger_shape.h"
@@ -18,6 +19,9 @@ struct FingerMeshRequest {
     bool keep_frame = false;                         ///< the file's axes are the finger frame already
     std::optional<FingerOrientation> orientation{};  ///< of the file; absent: guessed
     int elements = 347;
+    enum class Kind { uniform, conforming } kind = Kind::uniform;  ///< of a parametric finger or a surface
+    int patch = 0;    ///< elements that share one change of volume; 0: none do
+    Grading grading;  ///< of a conforming mesh
     FingerRegions regions;
     bool half_space = false;  ///< bone nodes by half-space instead of regions
     Point half_space_normal{0, 0, 1};

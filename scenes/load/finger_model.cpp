@@ -60,16 +60,27 @@ void read_mesh_file(Section s, const std::filesystem::path& folder, bool has_sha
     std::string surface, tets;
     s.text("surface", surface, "A scanned finger: a closed surface (.obj, .stl, .ply, .off), meshed at load.");
     s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
-    if (surface.empty() == tets.empty() && s.sound("surface") && s.sound("tets"))
-        s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
-    if (has_shape) s.complain("surface", "a finger has either a shape or a mesh, not both");
+    s.choice(
+        "kind", r.kind, {"uniform", "conforming"},
+        "uniform: elements of one size, bone nodes are those that lie in the bone. conforming: small on the pad, large "
+        "inside and on the back, between the skin and a phalanx whose surface they share.");
+    s.number("coarse", r.grading.coarse, unit::one, {1, 5},
+             "Edges on the back over edges on the pad, of a conforming mesh.");
+    s.number("bone", r.grading.bone, unit::one, {1, 5}, "Edges on the phalanx over edges on the pad.");
+    s.integer(
+        "patch", r.patch, {0, 16},
+        "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
+        "none do.");
+    const bool from_file = !surface.empty() || !tets.empty();
+    if (!surface.empty() && !tets.empty()) s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
+    if (has_shape && from_file) s.complain("surface", "a finger has either a shape or a mesh, not both");
     std::string unit = "mm";
     s.choice("unit", unit, {"m", "cm", "mm"}, "Unit of the file; of a surface it is guessed where it is not said.");
     s.boolean("keep_frame", r.keep_frame,
               "The file's axes are the finger's already (x to the tip, y to the radial side, z from pad to nail): no "
               "orientation is guessed.");
     read_orientation(s, r);
-    if (s.in_file()) {
+    if (from_file) {
         r.source = tets.empty() ? FingerMeshRequest::Source::surface : FingerMeshRequest::Source::tets;
         r.file = (folder / (tets.empty() ? surface : tets)).lexically_normal().string();
         if (s.has("unit")) r.unit = unit;

@@ -13,7 +13,7 @@ namespace palpate {
 namespace {
 
 struct MeshArguments {
-    std::string source, out, unit, picture;
+    std::string source, out, unit, picture, kind = "uniform";
     int elements = 347;
     double length_mm = 0, width_mm = 0, thickness_mm = 0, pad_bulge = -1, nail = -1;
     bool keep_frame = false, json = false;
@@ -33,6 +33,7 @@ FingerMeshRequest request_of(const MeshArguments& a, double& surface_volume) {
     r.keep_frame = a.keep_frame;
     r.orientation = orientation_of(a);
     r.unit = a.unit;
+    r.kind = a.kind == "conforming" ? FingerMeshRequest::Kind::conforming : FingerMeshRequest::Kind::uniform;
     if (a.nail >= 0) r.regions.nail = a.nail;
     if (a.source.find('.') != std::string::npos || std::filesystem::exists(a.source)) {
         r.source = FingerMeshRequest::Source::surface;
@@ -109,6 +110,9 @@ Action add_mesh_command(const Command& program) {
     auto a = std::make_shared<MeshArguments>();
     c.option("surface", a->source, "OBJ, STL, PLY or OFF file; or thumb, index, middle, ring, little").required();
     c.option("--elements", a->elements, "wanted number of tetrahedra").range(20, 200000);
+    c.option("--kind", a->kind,
+             "uniform, or conforming: fine on the pad, between skin and a phalanx that is left empty")
+        .among({"uniform", "conforming"});
     c.option("--out", a->out, "write the mesh as .vtu");
     c.option("--unit", a->unit, "unit of the file: m, cm or mm (default: guessed from its size)");
     c.option("--length", a->length_mm, "built-in finger: length [mm]");

@@ -19,6 +19,7 @@ std::vector<SweepTrace::Finger> sample(const Simulation& s) {
         f.area = c.touching_area;
         f.field = c.force;
         f.place = c.position;
+        f.faces = c.faces;
         for (const Matching& m : s.world.matchings)
             if (m.finger == finger) {
                 f.platform = m.model.mount * m.model.kind->platform(m.model, m.result.w).centre;
@@ -38,30 +39,62 @@ double quantile(std::vector<double> values, double share) {
 
 using Grid = std::map<std::array<int, 3>, Vec3<double>>;
 
-/// Adds forces, times a factor, to the corners of the cells that they are in.
-void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
+/// Adds a force to the corners of the cell that it is in.
+void spread(const Vec3<double>& force, const Vec3<double>& place, Grid& grid) {
     constexpr double cell = 3e-3;  // the spacing of nodes on a pad of 350 tetrahedra
-    for (std::size_t i = 0; i < finger.field.size(); ++i) {
-        const Vec3<double>& force = finger.field[i];
-        if (dot(force, force) == 0) continue;
-        std::array<int, 3> low;
-        std::array<double, 3> share;
+    std::array<int, 3> low;
+    std::array<double, 3> share;
+    for (int d = 0; d < 3; ++d) {
+        const double at = place[d] / cell;
+        low[d] = int(std::floor(at));
+        share[d] = at - low[d];
+    }
+    for (int corner = 0; corner < 8; ++corner) {
+        double weight = 1;
+        std::array<int, 3> key = low;
         for (int d = 0; d < 3; ++d) {
-            const double at = finger.place[i][d] / cell;
-            low[d] = int(std::floor(at));
-            share[d] = at - low[d];
+            const bool upper = corner >> d & 1;
+            weight *= upper ? share[d] : 1 - share[d];
+            key[d] += upper;
         }
-        for (int corner = 0; corner < 8; ++corner) {
-            double weight = factor;
-            std::array<int, 3> key = low;
-            for (int d = 0; d < 3; ++d) {
-                const bool upper = corner >> d & 1;
-                weight *= upper ? share[d] : 1 - share[d];
-                key[d] += upper;
-            }
-            grid[key] += weight * force;
+        grid[key] += weight * force;
+    }
+}
+
+/// Adds a finger's forces, times a factor: each as a pressure on the faces around its sample that falls linearly to
+/// their other corners; where there are none, as it is.
+void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
+    auto at = [&](int s) { return finger.place[std::size_t(s)]; };
+    auto twice_area = [&](const std::array<int, 3>& f) {
+        return norm(cross(at(f[1]) - at(f[0]), at(f[2]) - at(f[0])));
+    };
+    std::vector<double> around(finger.field.size(), 0.0);
+    for (const auto& f : finger.faces)
+        for (int s : f) around[std::size_t(s)] += twice_area(f);
+    constexpr int n = 4;  // points on a lattice, at the centres of n^2 equal triangles of which those upright are taken
+    for (const auto& f : finger.faces) {
+        const double area = twice_area(f);
+        for (int k = 0; k < 3; ++k) {
+            const auto s = std::size_t(f[std::size_t(k)]);
+            if (dot(finger.field[s], finger.field[s]) == 0) continue;
+            const Vec3<double> share = (factor * area / around[s]) * finger.field[s];
+            double total = 0;
+            for (int pass = 0; pass < 2; ++pass)
+                for (int i = 0; i < n; ++i)
+                    for (int j = 0; i + j < n; ++j) {
+                        const double weight[3] = {(i + 1.0 / 3) / n, (j + 1.0 / 3) / n, 1 - (i + j + 2.0 / 3) / n};
+                        if (pass == 0) {
+                            total += weight[k];
+                            continue;
+                        }
+                        const Vec3<double> x = weight[0] * at(f[0]) + weight[1] * at(f[1]) + weight[2] * at(f[2]);
+                        spread(weight[k] / total * share, x, grid);
+                    }
         }
     }
+    for (std::size_t s = 0; s < finger.field.size(); ++s)
+        if (around[s] == 0 && dot(finger.field[s], finger.field[s]) > 0)
+            spread(factor * finger.field[s], finger.place[s], grid);
 }
 
 /// sum |F_i - Fref_i| of one finger; NaN where the samples are others.

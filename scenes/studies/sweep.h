@@ -10,10 +10,11 @@ namespace palpate {
 struct SweepTrace {
     struct Finger {
         Vec3<double> net{0, 0, 0};
-        double area = 0;                    ///< [m^2]
-        std::vector<Vec3<double>> field;    ///< [sample]
-        std::vector<Vec3<double>> place;    ///< [sample], finger frame [m]
-        Eigen::Vector3d platform{0, 0, 0};  ///< its centre, finger frame [m]
+        double area = 0;                        ///< [m^2]
+        std::vector<Vec3<double>> field;        ///< [sample]
+        std::vector<Vec3<double>> place;        ///< [sample], finger frame [m]
+        std::vector<std::array<int, 3>> faces;  ///< of the pad, samples each
+        Eigen::Vector3d platform{0, 0, 0};      ///< its centre, finger frame [m]
         bool has_platform = false;
     };
     std::vector<std::vector<Finger>> samples;  ///< [time][finger]
@@ -37,8 +38,9 @@ struct SweepPoint {
 /// Runs a scene with overrides; samples it every `period` seconds.
 SweepPoint run_point(const std::filesystem::path& scene, const std::vector<std::string>& overrides, double period,
                      int threads, const std::atomic<bool>& stop, SweepTrace& trace);
-/// How force fields are compared: sample by sample (NaN where samples are others), or as seen on a grid of 3 mm, on
-/// which every sample's force is spread over the eight corners around it.
+/// How force fields are compared: sample by sample (NaN where samples are others), or as seen on a grid of 3 mm. There
+/// a node's force is a pressure on the faces around it that falls linearly to their other nodes, and each bit of it is
+/// spread over the eight corners around it.
 enum class FieldComparison { samples, grid };
 SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference,
                       FieldComparison comparison = FieldComparison::samples);

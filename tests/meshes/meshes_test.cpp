@@ -2,6 +2,9 @@
 
 #include <fstream>
 
+#include <set>
+
+#include "meshes/conforming_mesh.h"
 #include "meshes/finger_regions.h"
 #include "meshes/finger_shape.h"
 #include "meshes/input_error.h"
@@ -197,6 +200,56 @@ TEST(Tetrahedralise, WantedCountAndQuality) {
     EXPECT_THROW(tetrahedralise(finger, {.elements = 3}), InputError);
 }
 
+TEST(ConformingMesh, IsOneFingerAtEverySize) {
+    const Surface skin = finger_surface(finger_shape("index"));
+    const FingerRegions regions;
+    const auto box = bounds(skin.vertices);
+    const double thickness = box[1][2] - box[0][2], nail = box[0][2] + regions.nail * thickness;
+    const double radius = regions.phalanx_radius * thickness;
+    const Surface phalanx = phalanx_surface(skin, regions);
+    const double tissue = volume(skin) - volume(phalanx);
+    for (int wanted : {200, 347, 1000, 4000}) {
+        const TetMesh mesh = conforming_mesh(skin, regions, {}, {.elements = wanted});
+        EXPECT_NEAR(double(mesh.tets.size()), wanted, 0.1 * wanted);
+        EXPECT_TRUE(check_tets(mesh).empty());
+        const MeshQuality q = measure_quality(mesh);
+        EXPECT_GT(q.worst_dihedral_deg, 5) << wanted;
+        // Chords cut a convex skin: a part of (edge / radius of curvature)^2.
+        EXPECT_NEAR(q.volume, tissue, (wanted < 1000 ? 0.07 : 0.02) * tissue) << wanted;
+        const std::set<int> bone(mesh.bone_nodes.begin(), mesh.bone_nodes.end());
+        const TriangleTree skin_tree(skin);
+        int inside = 0;
+        for (int i : mesh.bone_nodes) {
+            const Eigen::Vector3d x(mesh.nodes[i][0], mesh.nodes[i][1], mesh.nodes[i][2]);
+            const double from_axis =
+                std::hypot(x[1] - 0.5 * (box[0][1] + box[1][1]), x[2] - box[0][2] - regions.phalanx_height * thickness);
+            const bool on_skin = (skin_tree.nearest(x) - x).norm() < 2e-4 && x[2] > nail - 1e-8;
+            EXPECT_TRUE(on_skin || from_axis < 1.05 * radius);
+            inside += !on_skin;
+        }
+        EXPECT_GE(inside, 8);
+        for (const auto& t : mesh.surface) {  // the nail's edge runs along edges
+            bool above = false, below = false;
+            for (int i : t) above |= mesh.nodes[i][2] > nail + 1e-8, below |= mesh.nodes[i][2] < nail - 1e-8;
+            EXPECT_FALSE(above && below);
+        }
+    }
+}
+
+TEST(ConformingMesh, APhalanxThatLeavesTheSkinIsRefusedWithItsPlace) {
+    const Surface skin = finger_surface(finger_shape("index"));
+    auto refusal = [&](const FingerRegions& r) -> std::string {
+        try {
+            conforming_mesh(skin, r, {}, {.elements = 347});
+        } catch (const InputError& error) { return error.messages.front(); }
+        return "";
+    };
+    EXPECT_NE(refusal({.phalanx_radius = 0.45}).find("mm"), std::string::npos);
+    EXPECT_NE(refusal({.phalanx_height = 0.95}).find("leaves the skin at ("), std::string::npos);
+    EXPECT_NE(refusal({.phalanx_length = 1.0}).find("skin at ("), std::string::npos);
+    EXPECT_NE(refusal({.phalanx_length = 0.2}).find("too short"), std::string::npos);
+}
+
 TEST(Tetgen, AHostileSurfaceOrATimeLimitIsAMessage) {
     const Surface finger = finger_surface(finger_shape("middle"));
     EXPECT_THROW(run_tetgen(Surface{}, "pY", {}), InputError);
@@ -271,6 +324,10 @@ TEST(RealFingers, MeshAtBothResolutions) {
             EXPECT_NEAR(double(mesh.tets.size()), wanted, 0.1 * wanted) << note;
             EXPECT_TRUE(check_tets(mesh).empty());
             EXPECT_NE(note.find("guessed"), std::string::npos);
+            r.kind = FingerMeshRequest::Kind::conforming;
+            const TetMesh conforming = make_finger_mesh(r, templates, note);
+            EXPECT_NEAR(double(conforming.tets.size()), wanted, 0.1 * wanted) << note;
+            EXPECT_TRUE(check_tets(conforming).empty());
         }
 }
 

@@ -99,6 +99,12 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
                 T(volume * linear_error_weight(G, E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))));
         for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
     }
+    for (std::size_t k = 0; k < t.patches.size(); ++k) {
+        double compliance = 0;  // elements of unlike stiffness under one pressure
+        for (int e = t.patches[k].first; e < t.patches[k].first + t.patches[k].count; ++e)
+            compliance += double(c.rest.volume[e * W + lane]) / double(c.rest.lambda[e * W + lane]);
+        c.rest.patch_bulk[k * std::size_t(W) + std::size_t(lane)] = T(1 / compliance);
+    }
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
     for (int i = 0; i < t.node_count; ++i) {
         c.rest.mass[i * W + lane] = T(mass[i]);

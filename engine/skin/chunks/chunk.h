@@ -23,6 +23,7 @@ struct SkinRest {
     LaneArray<T> shape_gradients;        ///< [element][node 1..3][xyz] of the rest shape [1/m]
     LaneArray<T> volume;                 ///< [element] [m^3]
     LaneArray<T> mu, lambda;             ///< [element] Lame parameters [Pa]
+    LaneArray<T> patch_bulk;             ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
     LaneArray<T> limit_low, limit_high;  ///< [element] bounds on principal stretches; empty without limits
     LaneArray<T> limit_penalty;          ///< [element] base penalty of the limits [Pa]; empty without limits
     LaneArray<T> mass;                   ///< [node] [kg]

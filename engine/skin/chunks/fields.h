@@ -68,6 +68,7 @@ void for_each_rest_field(Chunk& c, Visit visit) {
     visit(r.volume, Field{rest, lane, n.E});
     visit(r.mu, Field{rest, lane, n.E});
     visit(r.lambda, Field{rest, lane, n.E});
+    visit(r.patch_bulk, Field{rest, lane, c.topology->patches.size()});
     visit(r.limit_low, Field{rest, lane, n.limited});
     visit(r.limit_high, Field{rest, lane, n.limited});
     visit(r.limit_penalty, Field{rest, lane, n.limited});

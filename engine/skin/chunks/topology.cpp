@@ -59,13 +59,17 @@ namespace {
 
 using Adjacency = std::vector<std::vector<int>>;
 
-/// Graph of the nodes; nodes of one element are neighbours.
-Adjacency node_graph(const std::vector<std::array<int, 4>>& elements, int node_count) {
-    std::vector<std::set<int>> neighbours(node_count);
-    for (const auto& tet : elements)
-        for (int a : tet)
-            for (int b : tet)
-                if (a != b) neighbours[a].insert(b);
+/// Graph of the nodes; nodes of one element, or of one patch, are neighbours.
+Adjacency node_graph(const SkinTopology& t) {
+    std::vector<std::set<int>> neighbours(t.node_count);
+    auto connect = [&](auto first, auto last) {
+        for (auto a = first; a != last; ++a)
+            for (auto b = first; b != last; ++b)
+                if (*a != *b) neighbours[*a].insert(*b);
+    };
+    for (const auto& tet : t.elements) connect(tet.begin(), tet.end());
+    for (const VolumePatch& p : t.patches)
+        connect(t.patch_nodes.begin() + p.first_node, t.patch_nodes.begin() + p.first_node + p.node_count);
     Adjacency graph;
     for (const auto& set : neighbours) graph.emplace_back(set.begin(), set.end());
     return graph;
@@ -185,6 +189,25 @@ void refine_samples(SkinTopology& t, const TetMesh& mesh, int refinement) {
     }
 }
 
+/// Patches of the elements, which stand in their order; nodes of each, ascending.
+void collect_patches(SkinTopology& t, const TetMesh& mesh) {
+    for (int e = 0; e < int(t.elements.size());) {
+        VolumePatch& p = t.patches.emplace_back();
+        const int number = mesh.patches[t.mesh_element[e]];
+        std::set<int> nodes;
+        for (p.first = e; e < int(t.elements.size()) && mesh.patches[t.mesh_element[e]] == number; ++e) {
+            nodes.insert(t.elements[e].begin(), t.elements[e].end());
+            if (++p.count == most_patch_elements) {
+                ++e;
+                break;
+            }
+        }
+        p.first_node = int(t.patch_nodes.size());
+        p.node_count = int(nodes.size());
+        t.patch_nodes.insert(t.patch_nodes.end(), nodes.begin(), nodes.end());
+    }
+}
+
 }  // namespace
 
 SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_refinement) {
@@ -200,9 +223,13 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         const auto& tet = mesh.tets[e];
         if (std::all_of(tet.begin(), tet.end(), [&](int a) { return in_bone[a]; })) continue;
         t.mesh_element.push_back(static_cast<int>(e));
-        t.elements.push_back(tet);
     }
-    const Adjacency graph = node_graph(t.elements, t.node_count);
+    if (!mesh.patches.empty())
+        std::stable_sort(t.mesh_element.begin(), t.mesh_element.end(),
+                         [&](int a, int b) { return mesh.patches[a] < mesh.patches[b]; });
+    for (int e : t.mesh_element) t.elements.push_back(mesh.tets[e]);
+    if (!mesh.patches.empty()) collect_patches(t, mesh);
+    const Adjacency graph = node_graph(t);
     order_unknowns(t, graph, in_bone);
     build_pattern(t, graph, in_bone);
     if (several_lanes) add_updates(t.pattern);
@@ -217,6 +244,18 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         auto& destinations = t.element_block.emplace_back();
         for (int k = 0, a = 0; a < 4; ++a)
             for (int b = 0; b <= a; ++b, ++k) destinations[k] = block(tet[a], tet[b]);
+    }
+    for (VolumePatch& p : t.patches) {
+        const auto nodes = t.patch_nodes.begin() + p.first_node;
+        std::sort(nodes, nodes + p.node_count, [&](int a, int b) { return order(a) < order(b); });
+        p.first_block = int(t.patch_blocks.size());
+        for (int a = 0; a < p.node_count; ++a)
+            for (int b = 0; b <= a; ++b) t.patch_blocks.push_back(block(nodes[a], nodes[b]));
+        for (int e = p.first; e < p.first + p.count; ++e) {
+            auto& place = t.element_place.emplace_back();
+            for (int a = 0; a < 4; ++a)
+                place[a] = int(std::find(nodes, nodes + p.node_count, t.elements[e][a]) - nodes);
+        }
     }
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
     for (int b : {t.bone_position, t.bone_rotation})
@@ -233,6 +272,12 @@ std::vector<TissuePair> tissue_pairs(const SkinTopology& t) {
             for (int j = 0; j <= i; ++j, ++k) {
                 const int a = t.elements[e][i], b = t.elements[e][j], block = t.element_block[e][k];
                 pairs.try_emplace(block, TissuePair{block, a, b});
+            }
+    for (const VolumePatch& p : t.patches)
+        for (int k = p.first_block, i = 0; i < p.node_count; ++i)
+            for (int j = 0; j <= i; ++j, ++k) {
+                const int a = t.patch_nodes[p.first_node + i], b = t.patch_nodes[p.first_node + j];
+                pairs.try_emplace(t.patch_blocks[k], TissuePair{t.patch_blocks[k], a, b});
             }
     std::vector<TissuePair> list;
     for (const auto& [block, pair] : pairs) list.push_back(pair);

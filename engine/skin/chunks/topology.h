@@ -38,6 +38,14 @@ struct FaceSample {
     std::array<int, 6> block;      ///< of the nodes' pairs 00, 10, 11, 20, 21, 22
 };
 
+/// Elements that share one volume term, and the nodes that it couples.
+struct VolumePatch {
+    int first = 0, count = 0;            ///< elements
+    int first_node = 0, node_count = 0;  ///< in patch_nodes
+    int first_block = 0;                 ///< in patch_blocks: of the node pairs 00, 10, 11, 20, ...
+};
+inline constexpr int most_patch_elements = 16;
+
 /// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
 /// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
 /// of the skin. Nodes keep the numbers of the mesh; the bone's two unknowns follow them.
@@ -56,6 +64,11 @@ struct SkinTopology {
     std::vector<int> mesh_element;  ///< [element] its number in the mesh: elements inside the bone are left out
     std::vector<std::array<int, 4>> elements;        ///< nodes: free ones in elimination order, then bone nodes
     std::vector<std::array<int, 10>> element_block;  ///< destination of each of block_pair (isotropic.h)
+
+    std::vector<VolumePatch> patches;            ///< empty: every element has its own volume term
+    std::vector<int> patch_nodes, patch_blocks;  ///< as VolumePatch says
+    std::vector<std::array<int, 4>>
+        element_place;  ///< [element] its nodes' places in patch_nodes, from the patch's first
 
     std::vector<int> bone_nodes;
     struct BoneEdge {
@@ -76,7 +89,8 @@ struct SkinTopology {
     std::size_t sample_count() const { return samples.size() + face_samples.size(); }
 };
 
-/// Two nodes that share an element, a not before b, and the block of their stiffness; a = b for a node itself.
+/// Two nodes that share an element, or a patch of them, a not before b, and the block of their stiffness; a = b for a
+/// node itself.
 struct TissuePair {
     int block, a, b;
 };

@@ -28,15 +28,16 @@ inline constexpr int pair_of[3][2] = {{1, 2}, {2, 0}, {0, 1}};
 
 /// Psi = mu |S - I|^2 + lambda/2 tr(S - I)^2 with F = R S (Mueller & Gross 2004). sigma is signed
 /// (svd3.h), so that inverted elements are pushed back through their flattest direction.
+/// `pressure` is added to its stress, as of a volume term that it has a part in [Pa].
 template <Curvature mode, class R>
-inline PrincipalTerms<R> corotational(const Vec3<R>& sigma, const R& mu, const R& lambda) {
+inline PrincipalTerms<R> corotational(const Vec3<R>& sigma, const R& mu, const R& lambda, const R& pressure) {
     const R one(1), two(2);
     const Vec3<R> e{sigma.x - one, sigma.y - one, sigma.z - one};
     const R trace = e.x + e.y + e.z;
     PrincipalTerms<R> t;
     t.energy = mu * dot(e, e) + R(ScalarOf<R>(0.5)) * lambda * trace * trace;
     for (int i = 0; i < 3; ++i) {
-        t.stress[i] = two * mu * e[i] + lambda * trace;
+        t.stress[i] = two * mu * e[i] + pressure;
         for (int j = 0; j < 3; ++j) t.curvature[i][j] = i == j ? two * mu + lambda : lambda;
         t.flip[i] = two * mu;
     }
@@ -47,6 +48,11 @@ inline PrincipalTerms<R> corotational(const Vec3<R>& sigma, const R& mu, const R
         if (mode == Curvature::positive) t.twist[k] = maximum(t.twist[k], R(0));
     }
     return t;
+}
+template <Curvature mode, class R>
+inline PrincipalTerms<R> corotational(const Vec3<R>& sigma, const R& mu, const R& lambda) {
+    const R one(1);
+    return corotational<mode>(sigma, mu, lambda, lambda * ((sigma.x - one) + (sigma.y - one) + (sigma.z - one)));
 }
 
 /// Psi = mu |E|^2 + lambda/2 tr(E)^2 with E = (F^T F - I) / 2 (St. Venant-Kirchhoff). It softens under strong

@@ -3,7 +3,7 @@
 // that place, turned with the bone, so that no element is decomposed but those near a strain limit. What that leaves
 // out grows with the square of the change of the deformation gradients since then.
 
-#include "engine/skin/tissue/elements.h"
+#include "engine/skin/tissue/patches.h"
 
 namespace palpate::detail {
 
@@ -128,13 +128,22 @@ inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const
     }
 }
 
+/// All elements as they are, one by one or in patches.
+template <Want want, class R>
+inline void add_all_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+    if (c.topology->patches.empty())
+        add_elements<want>(c, request, out);
+    else
+        add_patches<want>(c, request, out);
+}
+
 /// Tissue of all lanes, of each as it is to be in this step.
 template <Want want, class R>
 inline void add_tissue(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     constexpr bool with_matrix = want == Want::forces_and_matrix;
     const MaskOf<R> all = R(0) <= R(0);
     if (c.linear.pairs.empty()) {
-        add_elements<want>(c, ElementRequest<R>{all, exactness, exactness}, out);
+        add_all_elements<want>(c, ElementRequest<R>{all, exactness, exactness}, out);
         c.limits.candidates_clear |= !c.limits.met;
         return;
     }
@@ -145,10 +154,10 @@ inline void add_tissue(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation
     if ((active_lanes(c) & ~c.linear_lanes) != 0 || apart == 0) {
         // An exact Hessian is what forces are linear in; limits are left out of it.
         const MaskOf<R> linearised = mask_from_bits<R>(due);
-        add_elements<want>(c,
-                           ElementRequest<R>{mask_from_bits<R>(~apart), select(linearised, R(1), exactness), exactness,
-                                             linearised, due != 0},
-                           out);
+        add_all_elements<want>(c,
+                               ElementRequest<R>{mask_from_bits<R>(~apart), select(linearised, R(1), exactness),
+                                                 exactness, linearised, due != 0},
+                               out);
         if (with_matrix && due != 0) linearise_tissue(c, bone, out);
     }
     if (c.linear_lanes != 0) set_linear_tissue<with_matrix>(c, bone, (active_lanes(c) & ~c.linear_lanes) == 0, out);

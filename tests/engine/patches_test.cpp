@@ -1,0 +1,152 @@
+// Elements that share one change of volume: what they must keep, and what they are for.
+
+#include "meshes/patches.h"
+#include "engine/skin/solve/evaluate.h"
+#include "engine/skin/solve/kernels.h"
+#include "engine/step.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::block_mesh;
+using testing::ChunkOptions;
+using testing::make_chunk;
+
+TetMesh patched_block(int nx, int ny, int nz, int size = 5) {
+    TetMesh mesh = block_mesh(nx, ny, nz, 0.004);
+    make_patches(mesh, size);
+    return mesh;
+}
+
+Evaluation<double> evaluate_tissue(SkinChunk<double>& c, double exactness) {
+    Evaluation<double> out;
+    std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
+    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
+    detail::add_tissue<detail::Want::forces_and_matrix>(c, exactness, out);
+    return out;
+}
+
+void scramble(SkinChunk<double>& c, unsigned seed, double by) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> u(-by, by);
+    for (double& x : c.state.position) x += u(random);
+}
+
+TEST(Patches, AreConnectedAndOfAboutTheSizeAskedFor) {
+    for (int size : {1, 3, 5, 9}) {
+        const TetMesh mesh = patched_block(4, 3, 3, size);
+        std::vector<int> count;
+        for (int p : mesh.patches)
+            if (p >= 0) {
+                count.resize(std::max(count.size(), std::size_t(p) + 1));
+                ++count[std::size_t(p)];
+            }
+        int used = 0, elements = 0;
+        for (int n : count) used += n > 0, elements += n;
+        EXPECT_NEAR(double(elements) / used, size, 0.35 * size);
+        EXPECT_LE(*std::max_element(count.begin(), count.end()), 2 * size);
+    }
+    TetMesh mesh = block_mesh(2, 2, 2, 0.004);
+    EXPECT_ANY_THROW(make_patches(mesh, 17));
+}
+
+TEST(Patches, ForceIsTheEnergysGradientAndStiffnessTheForces) {
+    auto chunk = make_chunk<double>(patched_block(2, 2, 2), Pose<double>::identity(),
+                                    {.low = 0.9, .high = 1.1, .poisson = 0.48});
+    ASSERT_FALSE(chunk.topology->patches.empty());
+    scramble(chunk, 3, 6e-4);
+    const SkinTopology& t = *chunk.topology;
+    const std::size_t n = std::size_t(3 * t.node_count);
+    evaluate_tissue(chunk, 1.0);
+    const std::vector<double> gradient(chunk.scratch.gradient.begin(), chunk.scratch.gradient.begin() + long(n));
+    std::vector<double> matrix(n * n, 0.0);
+    for (const TissuePair& p : tissue_pairs(t))
+        for (std::size_t i = 0; i < 3; ++i)
+            for (std::size_t j = 0; j < 3; ++j) {
+                const std::size_t row = 3 * std::size_t(p.a) + i, column = 3 * std::size_t(p.b) + j;
+                matrix[row * n + column] = matrix[column * n + row] =
+                    chunk.scratch.blocks[9 * std::size_t(p.block) + 3 * i + j];
+            }
+    double largest = 0, stiffest = 0;
+    for (double g : gradient) largest = std::max(largest, std::abs(g));
+    for (double k : matrix) stiffest = std::max(stiffest, std::abs(k));
+    const double h = 1e-8;
+    for (std::size_t i = 0; i < n; ++i) {
+        double& x = chunk.state.position[i];
+        const double at = x;
+        x = at + h;
+        const double above = evaluate_tissue(chunk, 1.0).energy;
+        const std::vector<double> f_above(chunk.scratch.gradient.begin(), chunk.scratch.gradient.begin() + long(n));
+        x = at - h;
+        const double below = evaluate_tissue(chunk, 1.0).energy;
+        const std::vector<double> f_below(chunk.scratch.gradient.begin(), chunk.scratch.gradient.begin() + long(n));
+        x = at;
+        EXPECT_NEAR((above - below) / (2 * h), gradient[i], 1e-6 * largest) << i;
+        for (std::size_t j = 0; j < n; ++j)
+            EXPECT_NEAR((f_above[j] - f_below[j]) / (2 * h), matrix[j * n + i], 1e-5 * stiffest) << i << " " << j;
+        if (HasFailure()) break;
+    }
+}
+
+TEST(Patches, RigidMotionGivesNoForceAndAffineMotionBalances) {
+    const Pose<double> pose{{0.1, -0.2, 0.3}, normalised(Quaternion<double>{0.2, 0.6, 0.8, -0.1})};
+    auto moved = make_chunk<double>(patched_block(3, 2, 2), pose, {.poisson = 0.49});
+    evaluate_tissue(moved, 0);
+    for (double f : moved.scratch.gradient) EXPECT_LT(std::abs(f), 1e-9 * 30e3 * 0.004 * 0.004);
+
+    auto chunk =
+        make_chunk<double>(patched_block(3, 3, 3), Pose<double>::identity(), {.limits = false, .poisson = 0.49});
+    const Mat3<double> A{{{1.04, 0.03, -0.02}, {0.01, 0.97, 0.04}, {-0.03, 0.02, 1.02}}};
+    for (int i = 0; i < chunk.topology->node_count; ++i) {
+        double* x = &chunk.state.position[3 * i];
+        store_vec3<double>(x, A * load_vec3<double>(x));
+    }
+    evaluate_tissue(chunk, 0);
+    double scale = 0;
+    Vec3<double> force{0, 0, 0}, torque{0, 0, 0};
+    for (int i = 0; i < chunk.topology->node_count; ++i) {
+        const Vec3<double> f = load_vec3<double>(&chunk.scratch.gradient[3 * i]);
+        scale = std::max(scale, norm(f));
+        force += f;
+        torque += cross(load_vec3<double>(&chunk.state.position[3 * i]), f);
+    }
+    EXPECT_GT(scale, 1e-3);
+    EXPECT_LT(norm(force), 1e-11 * scale);
+    EXPECT_LT(norm(torque), 1e-13 * scale);
+    // One state of strain: patches' means are the elements' own, and inner nodes are in balance.
+    for (int i = 1; i < 3; ++i)
+        for (int j = 1; j < 3; ++j)
+            for (int k = 1; k < 3; ++k) {
+                const Vec3<double> f = load_vec3<double>(&chunk.scratch.gradient[3 * ((i * 4 + j) * 4 + k)]);
+                EXPECT_LT(norm(f), 1e-11 * scale);
+            }
+}
+
+/// Force with which a block is sheared and squeezed by its bottom nodes moving up and aside, relaxed.
+double pressed_force(const TetMesh& mesh, double poisson) {
+    SceneSpec scene;
+    scene.solver.inertia = false;
+    scene.solver.newton_iterations = 60;
+    scene.solver.tolerance = 1e-9;
+    FingerSpec& f = scene.fingers.emplace_back();
+    f.name = "block";
+    f.mesh = mesh;
+    f.poisson_ratio = poisson;
+    f.coupling.stiffness = 1e5, f.coupling.angular_stiffness = 1e3;
+    f.start.position = {0, 0, 0.02};
+    ObjectSpec& plane = scene.objects.emplace_back();
+    plane.name = "plane";
+    plane.friction = 2;
+    World world = build_world(scene);
+    Pose<double> target = f.start;
+    for (int k = 0; k <= 12; ++k) {
+        target.position.z = 0.0061 - 0.0001 * k;
+        world.tracker_poses.rows()[0].pose = target;
+        step(world);
+    }
+    return skin_status(world, world.fingers.ids()[0]).contact_force_N;
+}
+
+}  // namespace
+}  // namespace palpate
