@@ -30,6 +30,9 @@ std::vector<std::string> SceneSpec::validate() const {
                              });
                          }),
              who + "all its nodes are bone nodes: nothing is left to deform");
+        need(f.mesh.patches.empty() ||
+                 (f.mesh.patches.size() == f.mesh.tets.size() && f.material == Material::corotational),
+             who + "patches must be one number per element, and need corotational tissue");
         auto within = [&](const std::string& what, double value, const Range& bounds, const char* unit) {
             if (bounds.holds(value)) return;
             std::ostringstream sentence;

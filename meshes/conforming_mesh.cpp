@@ -143,6 +143,22 @@ Surface phalanx_surface(const Surface& skin, const FingerRegions& r) {
     return s;
 }
 
+FingerRegions fitted_phalanx(const Surface& skin, FingerRegions r) {
+    const TriangleTree tree(skin);
+    const FingerRegions wanted = r;
+    for (int k = 0; k <= 10; ++k) {
+        const double share = 1 - 0.05 * k;
+        r.phalanx_radius = share * wanted.phalanx_radius;
+        r.phalanx_length = wanted.phalanx_length - (1 - share) * 0.3;
+        r.cut = wanted.cut + (1 - share) * 0.4;  // an oblique cut
+        try {
+            check_phalanx(phalanx_surface(skin, r), tree, tissue_around * Frame(skin).thickness());
+            return r;
+        } catch (const InputError&) {}  // narrower, then
+    }
+    return wanted;  // whose refusal says where
+}
+
 TetMesh conforming_mesh(const Surface& skin, const FingerRegions& regions, const Grading& grading,
                         const TetrahedraliseSettings& settings) {
     if (settings.elements < 20 || settings.elements > 200000)

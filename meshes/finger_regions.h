@@ -13,6 +13,7 @@ struct FingerRegions {
     double phalanx_length = 0.70;  ///< share of the length reached by the bone, from the proximal end
     double phalanx_height = 0.60;  ///< share of the thickness at which its axis lies
     double phalanx_radius = 0.20;  ///< share of the thickness
+    bool operator==(const FingerRegions&) const = default;
 };
 void mark_regions(TetMesh& mesh, const FingerRegions& regions);
 

@@ -28,13 +28,22 @@ void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
 }
 
 /// Tetrahedra inside a surface in the finger frame.
-TetMesh filled(const FingerMeshRequest& r, const Surface& surface) {
-    if (r.kind == FingerMeshRequest::Kind::conforming)
-        return conforming_mesh(surface, r.regions, r.grading, {.elements = r.elements});
+TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& note) {
+    if (r.kind == FingerMeshRequest::Kind::conforming) {
+        const FingerRegions regions = r.regions == FingerRegions{} ? fitted_phalanx(surface, r.regions) : r.regions;
+        if (!(regions == r.regions)) {
+            const auto box = bounds(surface.vertices);
+            char text[120];
+            std::snprintf(text, sizeof text, ", phalanx narrowed to a radius of %.2f mm (phalanx_radius %.3g)",
+                          1e3 * regions.phalanx_radius * (box[1][2] - box[0][2]), regions.phalanx_radius);
+            note += text;
+        }
+        return conforming_mesh(surface, regions, r.grading, {.elements = r.elements});
+    }
     return tetrahedralise(surface, {.elements = r.elements});
 }
 
-TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
+TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
     FingerShape shape = finger_shape("middle");
     shape.nail_drop = r.shape.nail_drop;
     if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
@@ -44,7 +53,7 @@ TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates) {
                          r.regions.phalanx_radius, r.grading.coarse, r.grading.bone})
             key += " " + std::to_string(x);
     auto it = templates.find(key);
-    if (it == templates.end()) it = templates.emplace(key, filled(r, finger_surface(shape))).first;
+    if (it == templates.end()) it = templates.emplace(key, filled(r, finger_surface(shape), note)).first;
     TetMesh mesh = it->second;
     for (Point& p : mesh.nodes) {
         p[0] *= r.shape.length / shape.length;
@@ -79,17 +88,19 @@ Surface oriented(const FingerMeshRequest& r, const Surface& surface, std::string
 TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
     TetMesh mesh;
     if (r.source == FingerMeshRequest::Source::parametric) {
-        mesh = parametric(r, templates);
         note = "parametric finger";
+        mesh = parametric(r, templates, note);
     } else if (r.source == FingerMeshRequest::Source::tets) {
         mesh = read_tet_mesh(r.file, r.unit.empty() ? "mm" : r.unit);
         note = r.file + " in " + (r.unit.empty() ? "mm" : r.unit);
     } else {
         const SurfaceFile file = read_surface(r.file, r.unit);
         note = r.file + " in " + file.unit + (file.unit_was_guessed ? " (guessed)" : "");
-        mesh = filled(r, oriented(r, file.surface, note));
+        const Surface surface = oriented(r, file.surface, note);
+        mesh = filled(r, surface, note);
     }
-    if (mesh.bone_nodes.empty()) mark_bone(mesh, r);  // a conforming mesh has its own
+    const bool has_bone = r.kind == FingerMeshRequest::Kind::conforming && r.source != FingerMeshRequest::Source::tets;
+    if (!has_bone) mark_bone(mesh, r);
     if (r.source == FingerMeshRequest::Source::parametric) {
         FingerShape swollen = r.shape;
         swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant

@@ -55,8 +55,9 @@ void read_orientation(Section& mesh, FingerMeshRequest& r) {
     o.finish();
 }
 
-void read_mesh_file(Section s, const std::filesystem::path& folder, bool has_shape, FingerMeshRequest& r) {
+void read_mesh(Section s, const std::filesystem::path& folder, FingerModel& m, bool has_shape) {
     if (!s) return;
+    FingerMeshRequest& r = m.mesh;
     std::string surface, tets;
     s.text("surface", surface, "A scanned finger: a closed surface (.obj, .stl, .ply, .off), meshed at load.");
     s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
@@ -71,6 +72,10 @@ void read_mesh_file(Section s, const std::filesystem::path& folder, bool has_sha
         "patch", r.patch, {0, 16},
         "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
         "none do.");
+    if (r.patch > 0 && m.spec.material != Material::corotational && s.sound("patch"))
+        s.complain("patch", "patches need corotational tissue: material = { kind = \"corotational\" }");
+    if (r.kind == FingerMeshRequest::Kind::conforming && !tets.empty())
+        s.complain("kind", "a finished mesh (tets) stays as it is; a shape or a surface can be meshed to conform");
     const bool from_file = !surface.empty() || !tets.empty();
     if (!surface.empty() && !tets.empty()) s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
     if (has_shape && from_file) s.complain("surface", "a finger has either a shape or a mesh, not both");
@@ -160,11 +165,16 @@ void read_finger_model(Section& s, const std::filesystem::path& folder, FingerMo
     read_limits(s.table("limits", "Bounds on principal stretches; without this table there are none."), m.spec);
     Section shape = s.table("shape", "A parametric finger.");
     read_shape(shape, m.mesh);
-    read_mesh_file(s.table("mesh", "A finger from a file, instead of a shape."), folder, shape.in_file(), m.mesh);
+    read_mesh(s.table("mesh", "How a finger is meshed; a finger from a file, instead of a shape."), folder, m,
+              shape.in_file());
     read_bone(s.table("bone",
                       "Which nodes ride on the bone; by default those at the cut, under the nail and inside the "
                       "phalanx."),
               m.mesh);
+    if (m.mesh.kind == FingerMeshRequest::Kind::conforming && (m.mesh.half_space || !m.mesh.bone_nodes.empty()))
+        s.complain("bone",
+                   "the phalanx of a conforming mesh has a shape (phalanx_length, phalanx_height, "
+                   "phalanx_radius), no normal and no list of nodes");
     read_layers(s, m.spec, m.layers);
     s.integer("elements", m.mesh.elements, {20, 200000}, "Tetrahedra wanted, of a shape or a scanned surface.");
 }
@@ -280,15 +290,22 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (!m.source.empty()) out << "source = " << quoted(m.source) << "\n";
     const FingerMeshRequest& r = m.mesh;
     out << "elements = " << r.elements << "\n";
+    std::ostringstream how;
+    how.precision(6);
+    if (r.kind == FingerMeshRequest::Kind::conforming)
+        how << "kind = \"conforming\", coarse = " << r.grading.coarse << ", bone = " << r.grading.bone << ", ";
+    how << "patch = " << r.patch;
+    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0;
     if (r.source == FingerMeshRequest::Source::parametric)
         out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
             << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge
-            << ", nail_drop = " << r.shape.nail_drop << " }\n";
+            << ", nail_drop = " << r.shape.nail_drop << " }\n"
+            << (plain ? "" : "mesh = { " + how.str() + " }\n");
     else
         out << "mesh = { " << (r.source == FingerMeshRequest::Source::tets ? "tets" : "surface") << " = "
             << quoted(std::filesystem::absolute(r.file).string())
             << (r.unit.empty() ? "" : ", unit = \"" + r.unit + "\"") << (r.keep_frame ? ", keep_frame = true" : "")
-            << orientation_text(r) << " }\n";
+            << orientation_text(r) << (plain ? "" : ", " + how.str()) << " }\n";
     if (!r.bone_nodes.empty()) {
         out << "bone = { nodes = [";
         for (std::size_t i = 0; i < r.bone_nodes.size(); ++i) out << (i ? ", " : "") << r.bone_nodes[i];

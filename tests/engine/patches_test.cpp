@@ -123,29 +123,77 @@ TEST(Patches, RigidMotionGivesNoForceAndAffineMotionBalances) {
             }
 }
 
-/// Force with which a block is sheared and squeezed by its bottom nodes moving up and aside, relaxed.
-double pressed_force(const TetMesh& mesh, double poisson) {
+/// Contact force of a block of 12 x 8 x 8 mm, n cubes high, that hangs from its top and is pressed on a plane by 1 mm.
+double pressed_force(int n, int patch, double poisson) {
     SceneSpec scene;
     scene.solver.inertia = false;
     scene.solver.newton_iterations = 60;
-    scene.solver.tolerance = 1e-9;
+    scene.solver.tolerance = 1e-8;
     FingerSpec& f = scene.fingers.emplace_back();
     f.name = "block";
-    f.mesh = mesh;
+    f.mesh = block_mesh(3 * n / 2, n, n, 0.008 / n);
+    if (patch > 0) make_patches(f.mesh, patch);
     f.poisson_ratio = poisson;
-    f.coupling.stiffness = 1e5, f.coupling.angular_stiffness = 1e3;
-    f.start.position = {0, 0, 0.02};
+    f.coupling.stiffness = 1e6, f.coupling.angular_stiffness = 1e3, f.coupling.max_force = 1e5;
+    f.coupling.max_torque = 1e4, f.coupling.max_speed = 1e3;
+    f.start.position = {0, 0, 0.005};
     ObjectSpec& plane = scene.objects.emplace_back();
     plane.name = "plane";
-    plane.friction = 2;
+    plane.shape.kind = ShapeKind::plane;
     World world = build_world(scene);
-    Pose<double> target = f.start;
-    for (int k = 0; k <= 12; ++k) {
-        target.position.z = 0.0061 - 0.0001 * k;
-        world.tracker_poses.rows()[0].pose = target;
-        step(world);
+    Threads threads(1);
+    for (int k = 1; k <= 20; ++k) {
+        Pose<double> pose = f.start;
+        pose.position.z = 0.004 - 0.0001 * std::min(k, 10);
+        world.tracker_poses[0].incoming = {pose, 0.005 * k, true};
+        step(world, threads);
     }
-    return skin_status(world, world.fingers.ids()[0]).contact_force_N;
+    EXPECT_TRUE(world.contact_surfaces[0].total.z > 0);
+    return world.contact_surfaces[0].total.z;
+}
+
+TEST(Patches, KeepCoarseMeshesFromLockingNearIncompressibility) {
+    const double fine = pressed_force(8, 5, 0.49);
+    const double patches = pressed_force(4, 5, 0.49), alone = pressed_force(4, 0, 0.49);
+    EXPECT_LT(std::abs(patches / fine - 1), 0.5 * std::abs(alone / fine - 1)) << patches << " " << alone << " " << fine;
+    EXPECT_LT(std::abs(patches / fine - 1), 0.10);
+    // Where nothing locks they change little.
+    EXPECT_NEAR(pressed_force(4, 5, 0.1) / pressed_force(4, 0, 0.1), 1, 0.03);
+}
+
+TEST(Patches, GiveTheSameBitsAloneAndInLanesAndAgreeInFloat) {
+    auto forces = [](int fingers, bool single) {
+        SceneSpec scene;
+        for (int k = 0; k < fingers; ++k) {
+            FingerSpec& f = scene.fingers.emplace_back();
+            f.name = "block" + std::to_string(k);
+            f.mesh = block_mesh(3, 2, 2, 0.004);
+            make_patches(f.mesh, 4);
+            f.poisson_ratio = 0.48;
+            f.has_limits = true;
+            f.single_precision = single;
+            f.start.position = {0.05 * k, 0, 0.005};
+        }
+        ObjectSpec& plane = scene.objects.emplace_back();
+        plane.name = "plane";
+        plane.shape.kind = ShapeKind::plane;
+        plane.friction = 0.5;
+        World world = build_world(scene);
+        Threads threads(1);
+        for (int k = 1; k <= 40; ++k) {
+            for (int i = 0; i < fingers; ++i) {
+                Pose<double> pose = scene.fingers[std::size_t(i)].start;
+                pose.position.z = 0.004 - 0.00004 * k * (1 + 0.2 * i), pose.position.x += 0.00002 * k;
+                world.tracker_poses[std::size_t(i)].incoming = {pose, 0.005 * k, true};
+            }
+            step(world, threads);
+        }
+        return world.contact_surfaces[0].total;
+    };
+    const Vec3<double> alone = forces(1, false), beside = forces(3, false), single = forces(1, true);
+    EXPECT_GT(alone.z, 0.1);
+    for (int d = 0; d < 3; ++d) EXPECT_EQ(alone[d], beside[d]);
+    EXPECT_LT(norm(single - alone), 0.01 * norm(alone));
 }
 
 }  // namespace

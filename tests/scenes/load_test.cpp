@@ -370,6 +370,34 @@ TEST_F(SceneFiles, FingersOfOneShapeFamilyShareAMesh) {
     EXPECT_NE(scene.spec.fingers[0].mesh.nodes, scene.spec.fingers[1].mesh.nodes);
 }
 
+TEST_F(SceneFiles, ConformingMeshesAndPatches) {
+    const std::string shape = "shape = { finger = \"index\" }";
+    const std::string conforming = replaced(good, shape, shape + "\nmesh = { kind = \"conforming\", patch = 5 }");
+    EXPECT_EQ(refusal(conforming), "");
+    const auto path = scratch_.path / "conforming.toml";
+    std::ofstream(path) << conforming;
+    const TetMesh& mesh = load_scene(path).spec.fingers[0].mesh;
+    EXPECT_EQ(mesh.patches.size(), mesh.tets.size());
+    // Fingers that differ in size share their template, and with it their lanes.
+    std::string two = conforming + conforming.substr(conforming.find("[[finger]]"));
+    two.replace(two.rfind("\"index\" }"), 9, "\"thumb\" }");
+    two = replaced(two, "name = \"index\"\nelements = 100\nshape = { finger = \"thumb\" }",
+                   "name = \"thumb\"\nelements = 100\nshape = { finger = \"thumb\" }");
+    std::ofstream(path) << two;
+    const Scene scene = load_scene(path);
+    EXPECT_EQ(scene.spec.fingers[0].mesh.tets, scene.spec.fingers[1].mesh.tets);
+    EXPECT_EQ(scene.spec.fingers[0].mesh.patches, scene.spec.fingers[1].mesh.patches);
+
+    EXPECT_SAYS(refusal(replaced(conforming, "\"conforming\"", "\"fine\"")), "uniform");
+    EXPECT_SAYS(refusal(replaced(conforming, "patch = 5", "patch = 17")), "16");
+    EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nmaterial = { kind = \"neo-hookean\" }")),
+                "corotational");
+    EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nbone = { normal = [0, 0, 1], offset_mm = 1 }")),
+                "no normal and no list");
+    EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nbone = { phalanx_height = 0.97 }")),
+                "leaves the skin at (");
+}
+
 TEST_F(SceneFiles, JsonLinesRecording) {
     auto line = [](double t, double z, bool valid) {
         std::string joints;
