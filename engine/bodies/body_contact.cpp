@@ -84,8 +84,8 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         const Vec3<double> middle = inverse_transform(b.start, transform(a.start, features[i].point));
-        const double way = norm(inverse_transform(b.pose, transform(a.pose, features[i].point)) - middle);
-        c.side = side_in_step(*b.shape, middle, c.side, way);
+        const double travel = norm(inverse_transform(b.pose, transform(a.pose, features[i].point)) - middle);
+        c.side = side_in_step(*b.shape, middle, c.side, travel);
         const Vec3<double> point = deepest_point(features[i], a.start, *b.shape, b.start, c.side);
         c.point_of_a = inverse_transform(a.start, point);
         c.point_of_b = inverse_transform(b.start, point);

@@ -54,8 +54,8 @@ inline Pose<double> filter_pose(PoseFilter& f, const Pose<double>& sample, doubl
     f.turn += share * (57.29577951308232 * norm(shorter_twice_vector(turned)) / dt - f.turn);
     const double cutoff = f.min_cutoff + f.speed_factor * f.speed, turn_cutoff = f.min_cutoff + f.turn_factor * f.turn;
     const Vec3<double> moved = detail::low_pass_share(cutoff, dt) * (sample.position - f.pose.position);
-    const Vec3<double> way = shorter_twice_vector(sample.rotation * conjugate(f.pose.rotation));
-    const Vec3<double> rolled = detail::low_pass_share(turn_cutoff, dt) * way;
+    const Vec3<double> turned_by = shorter_twice_vector(sample.rotation * conjugate(f.pose.rotation));
+    const Vec3<double> rolled = detail::low_pass_share(turn_cutoff, dt) * turned_by;
     f.pose = {f.pose.position + moved, normalised(rotation_step(rolled) * f.pose.rotation)};
     f.velocity += share * ((1 / dt) * moved - f.velocity);
     f.spin += share * ((1 / dt) * rolled - f.spin);

@@ -7,26 +7,26 @@ namespace palpate {
 
 namespace {
 
-/// Sphere around the samples of one lane, with the way it may go in this step added.
+/// Sphere around the samples of one lane, with how far it may travel in this step added.
 template <class T>
 Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver) {
     const int W = c.width;
     const SkinTopology& t = *c.topology;
     // The bone is drawn to its targets; the skin follows, and swings with its own speed.
-    double way2 = 0;
+    double travel2 = 0;
     for (int s = 0; s < bone_spring_count; ++s) {
         Vec3<double> d;
         for (int k = 0; k < 3; ++k)
             d[k] = c.scratch.bone_springs[(9 * s + 2 + k) * W + lane] - double(c.state.bone[k * W + lane]);
-        way2 = std::max(way2, dot(d, d));
+        travel2 = std::max(travel2, dot(d, d));
     }
-    const double way = std::sqrt(way2);
+    const double travel = std::sqrt(travel2);
     if ((c.rigid_lanes >> lane) & 1u) {
         auto rate = [&](int i) { return double(c.state.bone_velocity[i * W + lane]); };
         const double turning = norm(Vec3<double>{rate(3), rate(4), rate(5)}) * double(c.rest.extent[lane]);
         const double speed = norm(Vec3<double>{rate(0), rate(1), rate(2)}) + turning;
         const Sphere& rest = c.rest_reach[lane];
-        return {transform(lane_bone(c, lane), rest.centre), rest.radius + 2e-3 + 2 * way + 2 * speed * solver.dt};
+        return {transform(lane_bone(c, lane), rest.centre), rest.radius + 2e-3 + 2 * travel + 2 * speed * solver.dt};
     }
     Vec3<double> low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
     for (int node : t.samples)
@@ -42,7 +42,7 @@ Sphere lane_reach(const SkinChunk<T>& c, int lane, const SolverSettings& solver)
         speed2 = std::max(speed2, dot(v, v));
     }
     const Vec3<double> half = 0.5 * (high - low);
-    return {0.5 * (low + high), norm(half) + 2e-3 + 2 * way + 2 * std::sqrt(speed2) * solver.dt};
+    return {0.5 * (low + high), norm(half) + 2e-3 + 2 * travel + 2 * std::sqrt(speed2) * solver.dt};
 }
 
 /// Radius of a sphere around an object's origin that holds its surface [m].

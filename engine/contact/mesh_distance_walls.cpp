@@ -12,13 +12,13 @@ namespace {
 
 using Vec = Vec3<double>;
 
-constexpr double least_way = 1e-6;   ///< nearer hits are neighbours of where a ray begins [m]
-constexpr double facing_away = 0.7;  ///< cosine from which on two sides make a wall
-constexpr int most_points = 200000;  ///< of one mesh
+constexpr double least_distance = 1e-6;  ///< nearer hits are neighbours of where a ray begins [m]
+constexpr double facing_away = 0.7;      ///< cosine from which on two sides make a wall
+constexpr int most_points = 200000;      ///< of one mesh
 
 /// A ray's first way out of the mesh.
 struct Hit {
-    double way;  ///< [m]
+    double distance;  ///< [m]
     int triangle = -1;
 };
 
@@ -29,8 +29,8 @@ void hit_triangle(const DistanceMesh& mesh, int index, const Vec& from, const Ve
     const double det = dot(t.to_second, p);
     if (det == 0) return;
     const Vec s = from - t.corner, q = cross(s, t.to_second);
-    const double u = dot(s, p) / det, v = dot(along, q) / det, way = dot(t.to_third, q) / det;
-    if (u >= 0 && v >= 0 && u + v <= 1 && way > least_way && way < hit.way) hit = {way, index};
+    const double u = dot(s, p) / det, v = dot(along, q) / det, distance = dot(t.to_third, q) / det;
+    if (u >= 0 && v >= 0 && u + v <= 1 && distance > least_distance && distance < hit.distance) hit = {distance, index};
 }
 
 /// Which of a node's boxes the ray meets within `most`.
@@ -61,7 +61,7 @@ Hit first_hit(const DistanceMesh& mesh, const Vec& from, const Vec& along, doubl
             for (int i = first; i < first + count; ++i) hit_triangle(mesh, i, from, along, hit);
             continue;
         }
-        const std::array<bool, 4> met = met_boxes(mesh.nodes[child], from, along, hit.way);
+        const std::array<bool, 4> met = met_boxes(mesh.nodes[child], from, along, hit.distance);
         for (int c = 0; c < 4; ++c)
             if (met[c]) stack[top++] = mesh.nodes[child].child[c];
     }
@@ -89,7 +89,7 @@ std::vector<WallPoint> thin_walls(const DistanceMesh& mesh, double spacing, doub
             const Vec point = t.corner + u * t.to_second + v * t.to_third;
             const Hit hit = first_hit(mesh, point, inwards, thickest);
             if (hit.triangle >= 0 && dot(mesh.normals[hit.triangle][0], inwards) > facing_away)
-                walls.push_back({point, hit.way});
+                walls.push_back({point, hit.distance});
         }
     }
     return walls;

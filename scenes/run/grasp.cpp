@@ -67,7 +67,7 @@ void follow_slide(const Simulation& s, std::size_t finger, int object, bool held
         last.slid = {0, 0, 0};
         return;
     }
-    Vec3<double> way{0, 0, 0};
+    Vec3<double> sliding{0, 0, 0};
     double weight = 0;
     for (std::size_t k = 0; k < c.force.size(); ++k) {
         const Vec3<double> world = transform(c.bone, c.position[k]), x = inverse_transform(shape.pose, world);
@@ -77,10 +77,10 @@ void follow_slide(const Simulation& s, std::size_t finger, int object, bool held
         const Vec3<double> normal = transposed_times(rotation_matrix(shape.pose.rotation), (1 / norm(n)) * n);
         const Vec3<double> step = x - before[k];
         const double force = norm(c.force[k]);
-        way += force * (step - dot(step, normal) * normal);
+        sliding += force * (step - dot(step, normal) * normal);
         weight += force;
     }
-    if (weight > 0) last.slid += (1 / weight) * way;
+    if (weight > 0) last.slid += (1 / weight) * sliding;
 }
 
 }  // namespace
@@ -154,9 +154,9 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
         std::nth_element(balances.begin(), balances.begin() + long(balances.size() / 2), balances.end());
         out.balance = balances[balances.size() / 2];
         for (std::size_t k = last - std::min(last, count / 4); k <= last; ++k) {
-            double way = 0;
-            for (std::size_t d = 1; d <= 3; ++d) way = std::hypot(way, series.at(k, d) - series.at(last, d));
-            out.drift_mm = std::max(out.drift_mm, way);
+            double distance = 0;
+            for (std::size_t d = 1; d <= 3; ++d) distance = std::hypot(distance, series.at(k, d) - series.at(last, d));
+            out.drift_mm = std::max(out.drift_mm, distance);
         }
         bool lost = last + 1 < held.size() && time[last] + 0.02 < time.back();
         for (std::size_t i = 0; i < s.fingers.size(); ++i) {

@@ -18,7 +18,7 @@ using Matrix = Eigen::MatrixXd;
 /// A disc of the Minkowski sum: how its sample moves with the kept components.
 struct Disc {
     double limit;
-    Eigen::Matrix<double, 3, Eigen::Dynamic> way;
+    Eigen::Matrix<double, 3, Eigen::Dynamic> map;
 };
 
 struct Support {
@@ -31,12 +31,12 @@ struct Support {
 Support support(const std::vector<Disc>& discs, const Vector& now, const Vector& u, double blur) {
     Support s{-now.dot(u), -now, Matrix::Zero(u.size(), u.size())};
     for (const Disc& disc : discs) {
-        const Eigen::Vector3d v = disc.way * u;
+        const Eigen::Vector3d v = disc.map * u;
         const double length = std::sqrt(v.squaredNorm() + blur * blur);
         s.value += disc.limit * length;
-        s.gradient += disc.limit / length * disc.way.transpose() * v;
+        s.gradient += disc.limit / length * disc.map.transpose() * v;
         const Eigen::Matrix3d K = Eigen::Matrix3d::Identity() - v * v.transpose() / (length * length);
-        s.curvature += disc.limit / length * disc.way.transpose() * K * disc.way;
+        s.curvature += disc.limit / length * disc.map.transpose() * K * disc.map;
     }
     return s;
 }
@@ -57,11 +57,11 @@ double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wren
     Vector now = Vector::Zero(kept.cols());
     for (const GripSample& s : samples) {
         const Eigen::Vector3d n = eigen(s.normal).normalized(), x = eigen(s.point) / size;
-        Eigen::Matrix<double, 3, 6> way;
-        way.leftCols<3>().setIdentity();
-        way.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;  // turning moves the sample by turn x x
-        discs.push_back({s.friction_limit / total, (Eigen::Matrix3d::Identity() - n * n.transpose()) * way * kept});
-        now += discs.back().way.transpose() * eigen(s.friction) / total;
+        Eigen::Matrix<double, 3, 6> map;
+        map.leftCols<3>().setIdentity();
+        map.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;  // turning moves the sample by turn x x
+        discs.push_back({s.friction_limit / total, (Eigen::Matrix3d::Identity() - n * n.transpose()) * map * kept});
+        now += discs.back().map.transpose() * eigen(s.friction) / total;
     }
     // Least support over directions u with u d = 1: u = d + B y.
     const Matrix Q = Eigen::HouseholderQR<Matrix>(Matrix(d)).householderQ();

@@ -132,8 +132,8 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
             const T* v = &c.state.velocity[std::size_t(3 * node_of_sample(t, s) * c.width + lane)];
             const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
             const Vec3<double> local = inverse_transform(o.start, x);
-            const double way = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
-            side = T(side_in_step(o.shape, local, int(side), way));
+            const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
+            side = T(side_in_step(o.shape, local, int(side), travel));
         }
         if (soft || !touched || !settings.inertia) continue;
         const double depth = -surface_point(o.shape, o.start, x, int(side)).distance;

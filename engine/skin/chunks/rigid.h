@@ -30,9 +30,9 @@ void move_rigid(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         linear += stiffness;
     }
     turning[2].angular_stiffness += load<R>(inertia.data());
-    const Vec3<R> way = R(T(1)) / linear * pull;
+    const Vec3<R> displacement = R(T(1)) / linear * pull;
 
-    Pose<R> bone{before.position + way, before.rotation};
+    Pose<R> bone{before.position + displacement, before.rotation};
     MaskOf<R> turns = mask_from_bits<R>(c.rigid_lanes);
     for (int newton = 0; newton < 4 && any(turns); ++newton) {
         Vec3<R> torque{R(T(0)), R(T(0)), R(T(0))};
@@ -53,11 +53,11 @@ void move_rigid(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     const Quaternion<R> turn = bone.rotation * conjugate(before.rotation);
     const Vec3<R> spin = R(T(1)) / (dt * maximum(absolute(turn.w), R(T(0.1)))) * shorter_twice_vector(turn);
     const MaskOf<R> rigid = mask_from_bits<R>(c.rigid_lanes);
-    const unsigned lost = c.rigid_lanes & ~bits_from_mask<R>(finite(dot(way, way) + dot(spin, spin)));
+    const unsigned lost = c.rigid_lanes & ~bits_from_mask<R>(finite(dot(displacement, displacement) + dot(spin, spin)));
     auto keep = [&](LaneArray<T>& a, int first, const Vec3<R>& v) {
         store_vec3<R>(&a[first * W], select(rigid, v, load_vec3<R>(&a[first * W])));
     };
-    keep(c.state.bone_velocity, 0, R(T(1)) / dt * way);
+    keep(c.state.bone_velocity, 0, R(T(1)) / dt * displacement);
     keep(c.state.bone_velocity, 3, spin);
     const R next[7] = {bone.position.x, bone.position.y, bone.position.z, bone.rotation.w,
                        bone.rotation.x, bone.rotation.y, bone.rotation.z};

@@ -298,15 +298,15 @@ void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         Mat3<R> change = Mat3<R>::zero(), fixed_curvature = change;
         Vec3<R> fixed_gradient = residual;
         for (int slot = 0; slot < c.contacts.used; ++slot) {
-            const detail::Slot<R> held = detail::read_slot<R>(c, slot);
-            const ContactTerms<R> terms = detail::sample_contact<R>(c, held, i, x, exactness).terms;
-            if (!held.all_body) {
-                fixed_gradient += held.of_others(terms.gradient);
-                fixed_curvature = fixed_curvature + held.of_others(terms.curvature);
+            const detail::Slot<R> there = detail::read_slot<R>(c, slot);
+            const ContactTerms<R> terms = detail::sample_contact<R>(c, there, i, x, exactness).terms;
+            if (!there.all_body) {
+                fixed_gradient += there.of_others(terms.gradient);
+                fixed_curvature = fixed_curvature + there.of_others(terms.curvature);
             }
-            if (!held.any_body) continue;
-            const Vec3<R> gradient = held.of_bodies(terms.gradient);
-            const Mat3<R> curvature = held.of_bodies(terms.curvature);
+            if (!there.any_body) continue;
+            const Vec3<R> gradient = there.of_bodies(terms.gradient);
+            const Mat3<R> curvature = there.of_bodies(terms.curvature);
             T* old_gradient = &c.exchange.slot_gradient[3 * (slot * S + i) * W];
             T* old_curvature = &c.exchange.slot_curvature[9 * (slot * S + i) * W];
             const Mat3<R> old = load_mat3<R>(old_curvature);

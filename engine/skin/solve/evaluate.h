@@ -118,11 +118,11 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     std::fill(c.scratch.sample_gradient.begin(), c.scratch.sample_gradient.end(), T(0));
     std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
     for (int slot = 0; slot < c.contacts.used; ++slot) {
-        const Slot<R> held = read_slot<R>(c, slot);
+        const Slot<R> there = read_slot<R>(c, slot);
         for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
             const std::size_t i = slot * t.sample_count() + s;
             const SampleContact<R> contact =
-                sample_contact<R>(c, held, s, at_sample<R>(t, c.state.position.data(), s), exactness);
+                sample_contact<R>(c, there, s, at_sample<R>(t, c.state.position.data(), s), exactness);
             const ContactTerms<R>& terms = contact.terms;
             if (!contact.idle) {
                 const R change = terms.normal_force - contact.state.normal_multiplier;
@@ -130,28 +130,28 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
                 out.contact_force += terms.normal_force;
                 out.pending += change * change;
                 const R depth =
-                    held.any_soft ? select(held.soft, R(0), -contact.surface.distance) : -contact.surface.distance;
+                    there.any_soft ? select(there.soft, R(0), -contact.surface.distance) : -contact.surface.distance;
                 out.penetration = maximum(depth, out.penetration);
                 add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
                 if constexpr (want == Want::forces_and_matrix)
                     add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);
             }
-            if (held.any_body) {
-                store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], held.of_bodies(terms.gradient));
-                store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], held.of_bodies(terms.curvature));
+            if (there.any_body) {
+                store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], there.of_bodies(terms.gradient));
+                store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], there.of_bodies(terms.curvature));
             }
-            if (!held.all_body && !contact.idle) {
-                add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], held.of_others(terms.gradient));
+            if (!there.all_body && !contact.idle) {
+                add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], there.of_others(terms.gradient));
                 if constexpr (want == Want::forces_and_matrix)
-                    add_block<R>(c.scratch.sample_curvature.data(), int(s), held.of_others(terms.curvature));
+                    add_block<R>(c.scratch.sample_curvature.data(), int(s), there.of_others(terms.curvature));
             }
             store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
-            if (held.rubs) {
+            if (there.rubs) {
                 const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
-                const R dr = held.friction * terms.normal_force - contact.state.friction_radius;
+                const R dr = there.friction * terms.normal_force - contact.state.friction_radius;
                 out.pending += dot(dt, dt) + dr * dr;
                 store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
-                              transposed_times(held.rotation, terms.tangential));
+                              transposed_times(there.rotation, terms.tangential));
                 // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.
                 const R length = maximum(norm(contact.local_normal), R(T(1e-6)));
                 store_vec3<R>(&c.scratch.contact_normal[3 * i * W], (R(1) / length) * contact.local_normal);
