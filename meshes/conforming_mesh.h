@@ -17,8 +17,8 @@ struct Grading {
 /// short of the cut, so that the tissue around it is one shell. Throws InputError where it leaves the skin.
 Surface phalanx_surface(const Surface& skin, const FingerRegions& regions);
 
-/// The regions with a phalanx that is narrower, by up to a half, and shorter with it, where theirs would come too near to
-/// the skin: for fingers of which nobody said where the bone lies.
+/// The regions with a phalanx that is narrower, by up to a half, and shorter with it, where theirs would come too near
+/// to the skin: for fingers of which nobody said where the bone lies.
 FingerRegions fitted_phalanx(const Surface& skin, FingerRegions regions);
 
 /// Tetrahedra of the tissue. Bone nodes are those of the phalanx and the skin above the nail's height, to which the

@@ -5,8 +5,9 @@
 
 namespace palpate {
 
-/// The side (side_of) of a point that may move by `travel` [m] in this step, seen from the object; 0 where the object is
-/// thick enough for the nearest face to be the right one. A body that turns between fingers must be free to leave them.
+/// The side (side_of) of a point that may move by `travel` [m] in this step, seen from the object; 0 where the object
+/// is thick enough for the nearest face to be the right one. A body that turns between fingers must be free to leave
+/// them.
 inline int side_in_step(const Shape& shape, const Vec3<double>& x, int before, double travel) {
     constexpr double thin = 2.5e-3;
     const int side = side_of(shape, x, before);
