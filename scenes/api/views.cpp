@@ -249,7 +249,7 @@ PalpateFingerState state_of(const Session& s, std::size_t i) {
     f.residual = status.residual_N;
     f.converged = status.converged;
     f.iterations = status.newton_iterations;
-    f.resets = s.simulation->finger_resets[i];
+    f.resets = s.simulation->finger_counts[i].resets;
     return f;
 }
 

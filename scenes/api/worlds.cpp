@@ -107,7 +107,7 @@ bool change_settings(Session& session, const std::vector<std::string>& settings)
     auto fresh = std::make_unique<Simulation>(make_simulation(scene_again(session, settings), session.threads, false));
     // What carry_over moves out of the old world it moves only where it succeeds.
     if (!carry_over(*session.simulation, *fresh)) return false;
-    fresh->finger_resets = session.simulation->finger_resets;
+    fresh->finger_counts = session.simulation->finger_counts;
     session.simulation = std::move(fresh);
     session.settings = settings;
     return true;

@@ -151,7 +151,7 @@ Simulation make_simulation(Scene scene, int threads, bool keeps_series) {
         s.world.device_links[row].silence = s.scene.tracker_timeout;
         s.loops.push_back(std::move(loop));
     }
-    s.finger_resets.assign(s.fingers.size(), 0);
+    s.finger_counts.assign(s.fingers.size(), {});
     for (const EntityId finger : s.fingers) s.fixed_skins.push_back(fixed_skin_of(s.world.skins.find(finger)->mesh));
     s.last_grips.resize(s.world.bodies.size() * s.fingers.size());
     if (s.scene.deadline > 0) s.governor = make_governor(s.scene.deadline, s.scene.preset, s.world.solver);
@@ -212,7 +212,14 @@ void advance(Simulation& s, const StepInputs& inputs) {
     if (s.governor) govern(*s.governor, w.profile.total());
     if (!s.hardware)
         for (auto& loop : s.loops) tick(*loop, w.time);
-    for (std::size_t i = 0; i < s.fingers.size(); ++i) s.finger_resets[i] += skin_status(w, s.fingers[i]).reset;
+    for (std::size_t i = 0; i < s.fingers.size(); ++i) {
+        const SkinStatus& status = skin_status(w, s.fingers[i]);
+        FingerCounts& counts = s.finger_counts[i];
+        counts.resets += status.reset;
+        counts.wrong_side_steps += status.wrong_sides > 0;
+        counts.extended_steps += status.extra_iterations > 0;
+        counts.uphill_steps += status.uphill_steps;
+    }
     if (s.keeps_series) record(s, inputs);
 }
 

@@ -35,6 +35,14 @@ struct LastGrip {
     Vec3<double> slid{0, 0, 0};  ///< way over the body since fingers alone hold it, its frame [m]
 };
 
+/// What happened to a finger's solves so far.
+struct FingerCounts {
+    std::int64_t resets = 0;            ///< times it diverged and was reset
+    std::int64_t wrong_side_steps = 0;  ///< steps in which an object pressed on a node from inside the skin
+    std::int64_t extended_steps = 0;    ///< steps that were given more iterations than their budget
+    std::int64_t uphill_steps = 0;      ///< Newton steps that no halving brought to lower energy, taken back
+};
+
 struct Simulation {
     Simulation();
     ~Simulation();
@@ -46,7 +54,7 @@ struct Simulation {
     std::vector<EntityId> fingers;                    ///< in the scene's order
     std::vector<std::unique_ptr<ThimbleLoop>> loops;  ///< per thimble
     std::vector<Series> finger_series;                ///< one row per step
-    std::vector<std::int64_t> finger_resets;          ///< per finger: times it diverged and was reset
+    std::vector<FingerCounts> finger_counts;          ///< per finger
     std::vector<FixedSkin> fixed_skins;               ///< per finger
     std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
     std::vector<LastGrip> last_grips;                 ///< per body and finger

@@ -261,7 +261,7 @@ template <class Archive>
 void exchange(Archive& a, Simulation& s) {
     exchange(a, s.world);
     for (auto& loop : s.loops) exchange(a, *loop);
-    array(a, s.finger_resets);
+    array(a, s.finger_counts);
     if (!s.governor) return;
     Governor& g = *s.governor;
     value(a, g.preset, g.patience, g.in_time, g.longest, g.since_up, g.missed, g.changes);

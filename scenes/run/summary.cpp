@@ -52,7 +52,11 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
     f.fixed_penetration_um = largest(series.column("fixed_penetration_um"));
     f.mean_iterations = mean(series.column("newton_iterations"));
     f.converged_share = mean(series.column("converged"));
-    f.resets = int(s.finger_resets[i]);
+    f.resets = int(s.finger_counts[i].resets);
+    f.wrong_side_steps = s.finger_counts[i].wrong_side_steps;
+    f.extended_steps = s.finger_counts[i].extended_steps;
+    f.uphill_steps = s.finger_counts[i].uphill_steps;
+    f.rough_steps = s.world.contact_surfaces.find(s.fingers[i])->rough_steps;
     for (std::size_t t = 0; t < s.world.matchings.size(); ++t) {
         const Matching& m = s.world.matchings[t];
         if (!(m.finger == s.fingers[i])) continue;

@@ -26,6 +26,8 @@ struct FingerSummary {
     double fixed_penetration_um = 0;  ///< worst of skin that rides on the bone, and does not touch
     double mean_iterations = 0, converged_share = 0;
     int resets = 0;
+    std::int64_t wrong_side_steps = 0, extended_steps = 0, uphill_steps = 0;  ///< as FingerCounts
+    std::int64_t rough_steps = 0;  ///< too far from balance to be sent to a thimble
     bool has_device = false;
     double matching_rms_mm = 0;    ///< mean over solves with contact
     double constrained_share = 0;  ///< of solves with contact, at a workspace limit

@@ -45,7 +45,11 @@ nlohmann::json to_json(const Summary& s) {
                          {"unsettled_peak_N", f.unsettled_peak_N},
                          {"mean_iterations", f.mean_iterations},
                          {"converged_share", f.converged_share},
-                         {"resets", f.resets}};
+                         {"resets", f.resets},
+                         {"wrong_side_steps", f.wrong_side_steps},
+                         {"extended_steps", f.extended_steps},
+                         {"uphill_steps", f.uphill_steps},
+                         {"rough_steps", f.rough_steps}};
         if (f.has_device) {
             k["matching_rms_mm"] = f.matching_rms_mm;
             k["constrained_share"] = f.constrained_share;

@@ -31,6 +31,25 @@ void add_remarks(std::ostringstream& out, const FingerSummary& f) {
                       f.name.c_str(), 1e-3 * f.fixed_penetration_um);
         out << line;
     }
+    if (f.wrong_side_steps) {
+        std::snprintf(line, sizeof line,
+                      "  %s: in %lld steps an object pressed on it from inside its skin (it has passed through): use "
+                      "smaller steps (dt_ms), or objects thicker than a finger moves in one\n",
+                      f.name.c_str(), static_cast<long long>(f.wrong_side_steps));
+        out << line;
+    }
+    if (f.rough_steps) {
+        std::snprintf(line, sizeof line,
+                      "  %s: %lld steps ended too far from balance to be sent to a thimble, which kept its last "
+                      "command: use more iterations (solver.preset)\n",
+                      f.name.c_str(), static_cast<long long>(f.rough_steps));
+        out << line;
+    }
+    if (f.extended_steps) {
+        std::snprintf(line, sizeof line, "  %s: %lld steps were given more iterations than their preset has\n",
+                      f.name.c_str(), static_cast<long long>(f.extended_steps));
+        out << line;
+    }
     if (f.resets)
         out << "  " << f.name << " diverged and was reset " << f.resets
             << " times: use smaller steps (dt_ms) or softer coupling\n";

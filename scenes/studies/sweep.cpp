@@ -139,7 +139,7 @@ SweepPoint run_point(const std::filesystem::path& scene, const std::vector<std::
         for (double v : series.column("limit_violation")) point.limit_violation = std::max(point.limit_violation, v);
         for (double v : series.column("penetration_um")) point.penetration_um = std::max(point.penetration_um, v);
         for (double v : series.column("converged")) converged += v, ++rows;
-        point.resets += s.finger_resets[f];
+        point.resets += s.finger_counts[f].resets;
     }
     point.converged = rows > 0 ? converged / rows : 0;
     return point;

@@ -150,7 +150,7 @@ TEST_P(EveryGrasp, IsHeldWithoutSlipOrCreep) {
     EXPECT_GE(b.converged_share, 0.97);
     EXPECT_LT(b.drift_mm, expected.scene == "pen" ? 1 : 0.01);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
-        EXPECT_EQ(s.finger_resets[i], 0);
+        EXPECT_EQ(s.finger_counts[i].resets, 0);
         for (double v : s.finger_series[i].column("limit_violation")) EXPECT_LE(v, 1e-3);
     }
 }
@@ -225,7 +225,7 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
         for (double c : series.column("converged")) converged += c;
         EXPECT_GE(converged / double(series.rows()), 0.98);
         for (double v : series.column("limit_violation")) EXPECT_LE(v, 1e-3);
-        EXPECT_EQ(s.finger_resets[i], 0);
+        EXPECT_EQ(s.finger_counts[i].resets, 0);
     }
     EXPECT_GT(peak, 0.1);
     for (const auto& loop : s.loops) EXPECT_EQ(loop->status.stale, 0);
@@ -334,7 +334,7 @@ TEST(HeavyLoads, TheFingersStrainLimitsHold) {
         double converged = 0;
         for (double c : s.finger_series[0].column("converged")) converged += c;
         EXPECT_GE(converged / double(s.finger_series[0].rows()), 0.97) << force << " N";
-        EXPECT_EQ(s.finger_resets[0], 0);
+        EXPECT_EQ(s.finger_counts[0].resets, 0);
     }
 }
 
@@ -457,7 +457,7 @@ TEST(RealData, TheRecordedHandDrivesFiveFingersToItsEnd) {
     run(s, stop, {});
     EXPECT_GE(s.world.time, s.scene.recordings[1]->frames.back().time - 0.1);
     for (std::size_t i = 0; i < 5; ++i) {
-        EXPECT_EQ(s.finger_resets[i], 0);
+        EXPECT_EQ(s.finger_counts[i].resets, 0);
         EXPECT_GT(s.world.tracker_poses[i].accepted, 100);
         for (double v : s.finger_series[i].column("limit_violation")) EXPECT_LE(v, 1e-3);
     }

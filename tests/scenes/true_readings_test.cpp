@@ -1,6 +1,7 @@
 // What summaries, plots and comparisons say is what happened.
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "meshes/mesh_files.h"
 #include "scenes/run/summary.h"
@@ -37,6 +38,25 @@ TEST(TrueReadings, AStepThatIsNotSettledIsCountedAndIsNoPeak) {
     // Not converged, but nearly balanced: true to that much.
     row[column_of(series, "residual_N")] = 1e-4;
     EXPECT_EQ(summarise(s).fingers[0].peak_force_N, 437);
+}
+
+TEST(TrueReadings, WhatTheSolverHadToDoIsSaid) {
+    Simulation s = make_simulation(load_scene(scenes + "pinch.toml", {"solver.preset=fast", "dt_ms=5"}), 2);
+    run(s, stop, {});
+    std::int64_t extended = 0;
+    for (const FingerSummary& f : summarise(s).fingers) {
+        extended += f.extended_steps;
+        EXPECT_EQ(f.wrong_side_steps, 0);
+        EXPECT_EQ(f.resets, 0);
+    }
+    EXPECT_GT(extended, 0);
+    EXPECT_NE(to_text(summarise(s)).find("more iterations than their preset has"), std::string::npos);
+    s.finger_counts[0].wrong_side_steps = 3;
+    s.world.contact_surfaces.find(s.fingers[0])->rough_steps = 2;
+    const std::string text = to_text(summarise(s));
+    EXPECT_NE(text.find("in 3 steps an object pressed on it from inside its skin"), std::string::npos);
+    EXPECT_NE(text.find("2 steps ended too far from balance to be sent"), std::string::npos);
+    EXPECT_EQ(to_json(summarise(s))["fingers"][0]["wrong_side_steps"], 3);
 }
 
 TEST(TrueReadings, ABodyThatShakesInTheFingersHasNotSlipped) {
