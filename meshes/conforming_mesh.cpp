@@ -212,7 +212,8 @@ TetMesh conforming_mesh(const Surface& skin, const FingerRegions& regions, const
         edge *= std::abs(wanted - 1) > 0.04 ? wanted : 1 + 0.011 * ((k + 1) / 2) * (k % 2 ? 1 : -1);
     }
     if (!best)
-        throw InputError("no sound mesh of about " + std::to_string(settings.elements) + " elements: " + last_error);
+        throw InputError("no sound conforming mesh of about " + std::to_string(settings.elements) +
+                         " elements (it takes some 250): " + last_error);
     return *best;
 }
 

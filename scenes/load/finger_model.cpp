@@ -77,6 +77,9 @@ void read_mesh(Section s, const std::filesystem::path& folder, FingerModel& m, b
     if (r.kind == FingerMeshRequest::Kind::conforming && !tets.empty())
         s.complain("kind", "a finished mesh (tets) stays as it is; a shape or a surface can be meshed to conform");
     const bool from_file = !surface.empty() || !tets.empty();
+    const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch");
+    if (!from_file && s.in_file() && !only_how && s.sound("surface") && s.sound("tets"))
+        s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
     if (!surface.empty() && !tets.empty()) s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
     if (has_shape && from_file) s.complain("surface", "a finger has either a shape or a mesh, not both");
     std::string unit = "mm";

@@ -372,7 +372,8 @@ TEST_F(SceneFiles, FingersOfOneShapeFamilyShareAMesh) {
 
 TEST_F(SceneFiles, ConformingMeshesAndPatches) {
     const std::string shape = "shape = { finger = \"index\" }";
-    const std::string conforming = replaced(good, shape, shape + "\nmesh = { kind = \"conforming\", patch = 5 }");
+    const std::string conforming = replaced(replaced(good, "elements = 100", "elements = 300"), shape,
+                                            shape + "\nmesh = { kind = \"conforming\", patch = 5 }");
     EXPECT_EQ(refusal(conforming), "");
     const auto path = scratch_.path / "conforming.toml";
     std::ofstream(path) << conforming;
@@ -381,8 +382,8 @@ TEST_F(SceneFiles, ConformingMeshesAndPatches) {
     // Fingers that differ in size share their template, and with it their lanes.
     std::string two = conforming + conforming.substr(conforming.find("[[finger]]"));
     two.replace(two.rfind("\"index\" }"), 9, "\"thumb\" }");
-    two = replaced(two, "name = \"index\"\nelements = 100\nshape = { finger = \"thumb\" }",
-                   "name = \"thumb\"\nelements = 100\nshape = { finger = \"thumb\" }");
+    two = replaced(two, "name = \"index\"\nelements = 300\nshape = { finger = \"thumb\" }",
+                   "name = \"thumb\"\nelements = 300\nshape = { finger = \"thumb\" }");
     std::ofstream(path) << two;
     const Scene scene = load_scene(path);
     EXPECT_EQ(scene.spec.fingers[0].mesh.tets, scene.spec.fingers[1].mesh.tets);

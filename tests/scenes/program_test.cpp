@@ -219,7 +219,9 @@ TEST_P(EveryScene, RunsConvergedInsideItsLimits) {
         double converged = 0;
         for (std::size_t r = 0; r < series.rows(); ++r) {
             for (std::size_t c = 0; c < series.columns.size(); ++c)
-                ASSERT_TRUE(std::isfinite(series.at(r, c))) << series.columns[c];
+                ASSERT_TRUE(std::isfinite(series.at(r, c)) ||
+                            (series.columns[c].starts_with("centre_") && series.at(r, 1) == 0))  // nothing pushes
+                    << series.columns[c];
             peak = std::max(peak, series.at(r, 1));
         }
         for (double c : series.column("converged")) converged += c;

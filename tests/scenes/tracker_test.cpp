@@ -357,7 +357,10 @@ TEST(LiveTracker, HostileInputNeverMovesAThimbleFasterThanItMay) {
             now.clear();
             std::istringstream row(line);
             while (std::getline(row, cell, ',')) now.push_back(std::strtod(cell.c_str(), nullptr));
-            for (double v : now) ASSERT_TRUE(std::isfinite(v)) << finger << ": " << line;
+            for (std::size_t c = 0; c < now.size(); ++c) {
+                const bool nowhere = c >= column.at("centre_x_mm") && now[1] == 0;  // nothing pushes
+                ASSERT_TRUE(std::isfinite(now[c]) || nowhere) << finger << ": " << line;
+            }
             for (int j = 1; j <= 3 && !last.empty(); ++j) {
                 const std::size_t c = column.at("sent" + std::to_string(j) + "_deg");
                 // 6 rad/s, and one tick of 20 ms at a time.
