@@ -51,7 +51,8 @@ Eigen::Vector3d middle(const WorkMesh& mesh, WorkMesh::EdgeHandle e) {
     return to_eigen(0.5 * (mesh.point(mesh.from_vertex_handle(h)) + mesh.point(mesh.to_vertex_handle(h))));
 }
 
-void split_long_edges(WorkMesh& mesh, const SizeField& size) {
+template <class Size>
+void split_long_edges(WorkMesh& mesh, const Size& size) {
     const std::size_t count = mesh.n_edges();  // edges made by splits wait for the next round
     for (std::size_t i = 0; i < count; ++i) {
         const WorkMesh::EdgeHandle e{static_cast<int>(i)};
@@ -81,7 +82,8 @@ bool flips_normal(const WorkMesh& mesh, WorkMesh::VertexHandle v, WorkMesh::Vert
     return false;
 }
 
-void collapse_short_edges(WorkMesh& mesh, const SizeField& size) {
+template <class Size>
+void collapse_short_edges(WorkMesh& mesh, const Size& size) {
     for (std::size_t i = 0; i < mesh.n_edges(); ++i) {
         const WorkMesh::EdgeHandle e{static_cast<int>(i)};
         if (mesh.status(e).deleted() || mesh.calc_edge_length(e) >= shortest * size(middle(mesh, e))) continue;
@@ -157,13 +159,15 @@ void restore_volume(WorkMesh& mesh, double wanted) {
 
 namespace {
 
-WorkMesh remeshed(const TriangleTree& reference, const SizeField& size, double largest) {
+/// `Size`: a function as SizeField; a template, for one length everywhere is what most meshes have.
+template <class Size>
+WorkMesh remeshed(const TriangleTree& reference, const Size& size, double largest) {
     WorkMesh mesh = to_work_mesh(reference.surface());
     double sum = 0;
     for (auto e : mesh.edges()) sum += mesh.calc_edge_length(e);
     // Edges grow by at most half per round: a coarse remesh in one go turns inside out.
     double bound = std::min(largest, sum / double(mesh.n_edges()));
-    const SizeField bounded = [&](const Eigen::Vector3d& x) { return std::min(size(x), bound); };
+    const auto bounded = [&](const Eigen::Vector3d& x) { return std::min(size(x), bound); };
     int settled = 0;
     while (settled < 5) {
         split_long_edges(mesh, bounded);

@@ -101,7 +101,7 @@ struct Messages {
 
 TEST(LiveTracker, RandomMessagesOfAllSourcesAreHarmless) {
     const char* asked = std::getenv("PALPATE_TRACKER_MESSAGES");
-    const int count = asked ? std::atoi(asked) : 20'000;
+    const int count = asked ? std::atoi(asked) : 10'000;
     Simulation s = make_simulation(load_scene(testing::source_dir() + "/scenes/recorded_hand.toml"), 1);
     Messages messages;
     messages.hand = s.scene.recordings[1];

@@ -215,7 +215,7 @@ TEST(Compare, KindsMethodsAndServo) {
 TEST(Stress, RandomScenesBreakNoLaw) {
     const char* count = std::getenv("PALPATE_RANDOM_SCENES");
     const ScratchFolder folder;
-    const Outcome o = palpate_program("stress --random " + std::string(count ? count : "100") +
+    const Outcome o = palpate_program("stress --random " + std::string(count ? count : "50") +
                                       " --seed 1 --no-shrink --out " + folder.path.string());
     EXPECT_EQ(o.code, 0) << o.out;
 }
