@@ -209,7 +209,8 @@ TetMesh conforming_mesh(const Surface& skin, const FingerRegions& regions, const
         } catch (const InputError& error) { last_error = error.messages.front(); }
         // The count follows the edge's length, but not smoothly: go to where it should be, then look around there.
         const double wanted = count > 0 ? std::cbrt(double(count) / settings.elements) : 1.03;
-        edge *= std::abs(wanted - 1) > 0.04 ? wanted : 1 + 0.011 * ((k + 1) / 2) * (k % 2 ? 1 : -1);
+        const int around = (k + 1) / 2 * (k % 2 ? 1 : -1);  // 1, -1, 2, -2, ...
+        edge *= std::abs(wanted - 1) > 0.04 ? wanted : 1 + 0.011 * around;
     }
     if (!best)
         throw InputError("no sound conforming mesh of about " + std::to_string(settings.elements) +

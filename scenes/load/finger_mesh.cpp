@@ -47,13 +47,17 @@ TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates, std::
     FingerShape shape = finger_shape("middle");
     shape.nail_drop = r.shape.nail_drop;
     if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
-    std::string key = std::to_string(r.elements) + " " + std::to_string(shape.nail_drop);
+    std::string key =
+        std::to_string(r.elements) + " " + std::to_string(shape.nail_drop) + " " + std::to_string(r.patch);
     if (r.kind == FingerMeshRequest::Kind::conforming)
         for (double x : {r.regions.cut, r.regions.nail, r.regions.phalanx_length, r.regions.phalanx_height,
                          r.regions.phalanx_radius, r.grading.coarse, r.grading.bone})
             key += " " + std::to_string(x);
     auto it = templates.find(key);
-    if (it == templates.end()) it = templates.emplace(key, filled(r, finger_surface(shape), note)).first;
+    if (it == templates.end()) {
+        it = templates.emplace(key, filled(r, finger_surface(shape), note)).first;
+        if (r.patch > 0) make_patches(it->second, r.patch);  // of all sizes alike
+    }
     TetMesh mesh = it->second;
     for (Point& p : mesh.nodes) {
         p[0] *= r.shape.length / shape.length;
@@ -106,7 +110,7 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
         change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
     }
-    if (r.patch > 0) make_patches(mesh, r.patch);
+    if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

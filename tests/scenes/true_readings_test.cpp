@@ -41,15 +41,16 @@ TEST(TrueReadings, AStepThatIsNotSettledIsCountedAndIsNoPeak) {
 }
 
 TEST(TrueReadings, WhatTheSolverHadToDoIsSaid) {
-    Simulation s = make_simulation(load_scene(scenes + "pinch.toml", {"solver.preset=fast", "dt_ms=5"}), 2);
+    Simulation s = make_simulation(load_scene(scenes + "hand.toml", {"solver.newton_iterations=1", "dt_ms=20"}), 2);
     run(s, stop, {});
-    std::int64_t extended = 0;
+    std::int64_t extended = 0, rough = 0;
     for (const FingerSummary& f : summarise(s).fingers) {
-        extended += f.extended_steps;
+        extended += f.extended_steps, rough += f.rough_steps;
         EXPECT_EQ(f.wrong_side_steps, 0);
         EXPECT_EQ(f.resets, 0);
     }
     EXPECT_GT(extended, 0);
+    EXPECT_GT(rough, extended);
     EXPECT_NE(to_text(summarise(s)).find("more iterations than their preset has"), std::string::npos);
     s.finger_counts[0].wrong_side_steps = 3;
     s.world.contact_surfaces.find(s.fingers[0])->rough_steps = 2;
