@@ -395,8 +395,7 @@ TEST_F(SceneFiles, ConformingMeshesAndPatches) {
                 "corotational");
     EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nbone = { normal = [0, 0, 1], offset_mm = 1 }")),
                 "no normal and no list");
-    EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nbone = { phalanx_height = 0.97 }")),
-                "skin at (");
+    EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nbone = { phalanx_height = 0.97 }")), "skin at (");
 }
 
 TEST_F(SceneFiles, JsonLinesRecording) {
