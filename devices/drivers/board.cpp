@@ -264,7 +264,8 @@ void Board::note_write(const ChannelTarget& target, bool arrived, double began, 
     const auto c = std::size_t(target.channel);
     Told& told = told_[c];
     position_unknown_ |= told.low == no_pulse;
-    told = told_after(told, target.value, arrived, began - told.at, end);
+    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, end);
+    told.took = end - began;
     sent_[c] = arrived ? target.value : no_pulse;
     following_[c].told(target.value, end);
     const double pose_at = due_pose_[c], age = end - pose_at;
@@ -400,7 +401,7 @@ bool Board::rest_in_signal(double elapsed) noexcept {
         const WireValue value = limit_wire(rest, told_[c], limits_[c], elapsed);
         if (value == no_pulse || value == at) continue;
         targets[count++] = {channel, value};
-        told_[c] = told_after(told_[c], value, true, elapsed, 0);
+        told_[c] = told_after(told_[c], value, true, limits_[c], elapsed, 0);
     }
     return count > 0 && link_->write_in_signal({targets, count});
 }

@@ -1,6 +1,5 @@
 #include "devices/drivers/maestro.h"
 
-#include <libusb.h>
 #include <linux/ioctl.h>
 
 #include <linux/usbdevice_fs.h>
@@ -16,83 +15,31 @@
 
 #include "devices/drivers/device_lock.h"
 #include "devices/drivers/maestro_protocol.h"
+#include "devices/drivers/usb_transfer.h"
 #include "devices/loop/clock.h"
 
 namespace palpate::maestro {
 
 namespace {
 
-constexpr unsigned timeout_ms = 100;
+using usb::Context;
+using usb::Handle;
+using usb::timeout_ms;
+using usb::transfer;
 
-struct ContextDeleter {
-    void operator()(libusb_context* c) const { libusb_exit(c); }
-};
-struct HandleDeleter {
-    void operator()(libusb_device_handle* h) const { libusb_close(h); }
-};
-using Context = std::unique_ptr<libusb_context, ContextDeleter>;
-using Handle = std::unique_ptr<libusb_device_handle, HandleDeleter>;
+/// A board of which transfers never come back leaves a little behind at each attempt; so many are enough.
+constexpr int stuck_at_most = 20;
 
-/// libusb's word for what went wrong, and what to do about it.
-std::string usb_problem(int rc) {
-    const std::string what = libusb_strerror(rc);
-    switch (rc) {
-        case LIBUSB_ERROR_ACCESS:
-            return "no permission to open it: `palpate doctor` says how to get it";
-        case LIBUSB_ERROR_NO_DEVICE:
-            return "it was unplugged: plug it in, and look at cable and hub";
-        case LIBUSB_ERROR_BUSY:
-            return "another program uses it: end that one (Maestro Control Center, a virtual machine)";
-        case LIBUSB_ERROR_TIMEOUT:
-            return what + ": it does not answer; unplug it, plug it in again, without a hub";
-        case LIBUSB_ERROR_PIPE:
-            return what + ": it refuses a request that every Maestro knows; unplug it, plug it in again";
-        case LIBUSB_ERROR_IO:
-        case LIBUSB_ERROR_OVERFLOW:
-            return what + ": USB is disturbed; look at cable, hub and ground of the servos' supply";
-        case LIBUSB_ERROR_NO_MEM:
-            return what + ": the system has no memory left for USB; end other programs";
-        default:
-            return what + ": unplug it, plug it in again";
-    }
-}
-
-Context open_context() {
-    libusb_context* raw = nullptr;
-    const int rc = libusb_init(&raw);
-    if (rc != 0) throw std::runtime_error(std::string("USB cannot be used: ") + libusb_strerror(rc));
-    return Context(raw);
-}
-
-/// A transfer that waits. Returns what came back for reads; throws libusb's word where it failed.
-std::vector<std::uint8_t> transfer(libusb_device_handle* handle, const Request& r) {
-    std::vector<std::uint8_t> data(r.length);
-    const int n =
-        libusb_control_transfer(handle, r.type, r.request, r.value, r.index, data.data(), r.length, timeout_ms);
-    if (n < 0) throw std::runtime_error(usb_problem(n));
-    if (n != r.length)
-        throw std::runtime_error("a reply of " + std::to_string(n) + " bytes where " + std::to_string(r.length) +
-                                 " were expected");
-    return data;
-}
-
-std::string string_of(libusb_device_handle* handle, std::uint8_t index) {
-    unsigned char text[128];
-    const int n = index ? libusb_get_string_descriptor_ascii(handle, index, text, sizeof text) : 0;
-    if (n < 0) throw std::runtime_error(usb_problem(n));
-    return std::string(text, text + n);
-}
-
-int parameter(libusb_device_handle* handle, int which, int bytes) {
+int parameter(const Handle& handle, int which, int bytes) {
     const auto reply = transfer(handle, get_parameter(which, bytes));
     return bytes == 1 ? reply[0] : reply[0] | reply[1] << 8;
 }
 
-std::vector<std::uint8_t> servo_settings(libusb_device_handle* handle, int channels) {
+std::vector<std::uint8_t> servo_settings(const Handle& handle, int channels) {
     return transfer(handle, channels == 6 ? get_variables(6) : get_servo_settings(channels));
 }
 
-void ask(libusb_device_handle* handle, BoardInfo& info) {
+void ask(const Handle& handle, BoardInfo& info) {
     info.watchdog_ms = 10 * parameter(handle, serial_timeout_parameter, 2);
     const auto variables = parse_variables(info.channels, transfer(handle, get_variables(info.channels)));
     if (variables) info.errors = describe_errors(variables->errors);
@@ -108,7 +55,7 @@ void ask(libusb_device_handle* handle, BoardInfo& info) {
 }
 
 /// What a device is, if it is a board; with its handle, where it could be opened.
-std::optional<BoardInfo> identify(libusb_device* device, Handle& handle) {
+std::optional<BoardInfo> identify(Context& context, libusb_device* device, Handle& handle) {
     libusb_device_descriptor d;
     if (libusb_get_device_descriptor(device, &d) != 0 || d.idVendor != vendor) return std::nullopt;
     const auto channels = channels_of_product(d.idProduct);
@@ -125,12 +72,12 @@ std::optional<BoardInfo> identify(libusb_device* device, Handle& handle) {
     const int rc = libusb_open(device, &raw);
     if (rc != 0) {
         info.denied = rc == LIBUSB_ERROR_ACCESS;
-        info.problem = usb_problem(rc);
+        info.problem = usb::problem_of(rc);
         return info;
     }
-    handle.reset(raw);
+    handle = Handle(context, raw);
     try {
-        info.serial = string_of(raw, d.iSerialNumber);
+        info.serial = usb::string_of(handle, d.iSerialNumber);
     } catch (const std::exception& error) {
         info.problem = std::string("its serial number cannot be read: ") + error.what();
     }
@@ -139,19 +86,19 @@ std::optional<BoardInfo> identify(libusb_device* device, Handle& handle) {
 
 /// Calls visit(info, handle) for every board.
 template <class Visit>
-void each_board(libusb_context* context, Visit visit) {
+void each_board(Context& context, Visit visit) {
     libusb_device** list = nullptr;
-    const auto count = libusb_get_device_list(context, &list);
+    const auto count = libusb_get_device_list(context.get(), &list);
     if (count < 0) throw std::runtime_error(std::string("USB cannot be listed: ") + libusb_strerror(int(count)));
     for (std::ptrdiff_t i = 0; i < count; ++i) {
         Handle handle;
-        if (auto info = identify(list[i], handle)) visit(*info, handle);
+        if (auto info = identify(context, list[i], handle)) visit(*info, handle);
     }
     libusb_free_device_list(list, 1);
 }
 
 /// The board with a serial number, or the only one. Throws what is wrong.
-std::pair<BoardInfo, Handle> open_board(libusb_context* context, const std::string& serial) {
+std::pair<BoardInfo, Handle> open_board(Context& context, const std::string& serial) {
     std::pair<BoardInfo, Handle> found;
     std::string others, problems;
     int fitting = 0;
@@ -188,8 +135,10 @@ class MaestroLink final : public BoardLink {
 
     std::string open(std::span<WireValue> positions) override try {
         close();
-        context_ = open_context();  // a fresh one: an old one may not see a board that came back
-        auto [info, handle] = open_board(context_.get(), settings_.serial);
+        if (stuck_ >= stuck_at_most)
+            throw std::runtime_error("USB does not give transfers to the Maestro back: start this program again");
+        context_ = std::make_unique<Context>();  // a fresh one: an old one may not see a board that came back
+        auto [info, handle] = open_board(*context_, settings_.serial);
         handle_ = std::move(handle);
         channels_ = info.channels;
         lock_.take(node_of(info), "the Maestro " + info.serial);
@@ -199,13 +148,13 @@ class MaestroLink final : public BoardLink {
                 throw std::runtime_error("channel " + std::to_string(channel) + " is not one of the " +
                                          std::to_string(channels_) + " of the Maestro " + info.serial);
         set_limits();
-        const auto reply = servo_settings(handle_.get(), channels_);
+        const auto reply = servo_settings(handle_, channels_);
         for (int c = 0; c < channels_; ++c)
             if (const auto s = parse_servo(channels_, c, reply)) {
                 positions[std::size_t(c)] = s->position;
                 check_limits(c, *s);
             }
-        transfer(handle_.get(), clear_errors());
+        transfer(handle_, clear_errors());
         return "";
     } catch (const std::exception& error) {
         close();
@@ -213,12 +162,7 @@ class MaestroLink final : public BoardLink {
     }
 
     void close() override {
-        if (abandoned_) {
-            // Transfers that USB never gave back still point here: leaving them is the only safe way.
-            (void)handle_.release();
-            (void)context_.release();
-            abandoned_ = false;
-        }
+        stuck_ += context_ && context_->stuck;
         // Transfers hold on to the device, and the device to the context.
         for (Pending& p : *pending_) p.free();
         handle_.reset();
@@ -300,11 +244,11 @@ class MaestroLink final : public BoardLink {
     static LinkProblem problem_of(int channel_index, const libusb_transfer& t);
 
     LinkSettings settings_;
-    Context context_;
+    std::unique_ptr<Context> context_;
     Handle handle_;
     DeviceLock lock_;
     int channels_ = 0;
-    bool abandoned_ = false;
+    int stuck_ = 0;  ///< contexts that were left behind
     /// On the heap, so that what USB never gives back may outlive the link.
     std::unique_ptr<std::array<Pending, max_channels>> pending_ = std::make_unique<std::array<Pending, max_channels>>();
 };
@@ -313,8 +257,8 @@ void MaestroLink::check_watchdog(const std::string& serial) {
     if (!settings_.need_watchdog) return;
     std::map<int, int> homes;
     for (const auto& [channel, limits] : settings_.limits)
-        if (channel < channels_) homes[channel] = parameter(handle_.get(), home_parameter(channel), 2);
-    const int watchdog = 10 * parameter(handle_.get(), serial_timeout_parameter, 2);
+        if (channel < channels_) homes[channel] = parameter(handle_, home_parameter(channel), 2);
+    const int watchdog = 10 * parameter(handle_, serial_timeout_parameter, 2);
     const std::string problem = watchdog_problem(watchdog, homes);
     if (!problem.empty())
         throw std::runtime_error("the Maestro " + serial + ": " + problem +
@@ -325,9 +269,9 @@ void MaestroLink::check_watchdog(const std::string& serial) {
 /// For the first move, and for those after it.
 void MaestroLink::set_limits() {
     for (const auto& [channel, limits] : settings_.limits) {
-        if (limits.speed > 0) transfer(handle_.get(), set_speed(channel, speed_units(first_move_share * limits.speed)));
+        if (limits.speed > 0) transfer(handle_, set_speed(channel, speed_units(first_move_share * limits.speed)));
         if (limits.acceleration > 0)
-            transfer(handle_.get(), set_acceleration(channel, acceleration_units(limits.acceleration)));
+            transfer(handle_, set_acceleration(channel, acceleration_units(limits.acceleration)));
     }
 }
 
@@ -343,18 +287,12 @@ void MaestroLink::check_limits(int channel, const ServoSetting& found) const {
 }
 
 bool MaestroLink::wait_for_all(std::size_t count, int milliseconds) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(milliseconds);
-    auto waiting = [&] {
-        for (std::size_t i = 0; i < count; ++i)
-            if (!(*pending_)[i].done) return true;
-        return false;
-    };
-    while (waiting()) {
-        if (std::chrono::steady_clock::now() >= end) return false;
-        timeval step{0, 5000};
-        libusb_handle_events_timeout_completed(context_.get(), &step, nullptr);
-    }
-    return true;
+    return context_->wait(
+        [&] {
+            return std::all_of(pending_->begin(), pending_->begin() + std::ptrdiff_t(count),
+                               [](const Pending& p) { return p.done; });
+        },
+        milliseconds);
 }
 
 LinkProblem MaestroLink::problem_of(int which, const libusb_transfer& t) {
@@ -378,7 +316,7 @@ LinkProblem MaestroLink::problem_of(int which, const libusb_transfer& t) {
 
 template <class RequestOf>
 LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<char> arrived) {
-    if (!handle_ || abandoned_) return {"the Maestro is not open", true, FaultKind::unplugged};
+    if (!handle_ || context_->stuck) return {"the Maestro is not open", true, FaultKind::unplugged};
     LinkProblem problem;
     std::size_t submitted = 0;
     const double began = device_clock();
@@ -397,7 +335,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
         if (rc != 0) {
             p.done = true;
             const bool gone = rc == LIBUSB_ERROR_NO_DEVICE;
-            problem = {gone ? "the Maestro was unplugged" : usb_problem(rc), gone,
+            problem = {gone ? "the Maestro was unplugged" : usb::problem_of(rc), gone,
                        gone ? FaultKind::unplugged : FaultKind::other};
             break;
         }
@@ -407,7 +345,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
         for (std::size_t i = 0; i < submitted; ++i)
             if (!(*pending_)[i].done) libusb_cancel_transfer((*pending_)[i].transfer);
         if (!wait_for_all(submitted, 50)) {
-            abandoned_ = true;
+            context_->stuck = true;
             static_cast<void>(pending_.release());  // see close()
             pending_ = std::make_unique<std::array<Pending, max_channels>>();
             return {"USB does not give the transfers to the Maestro back", true, FaultKind::silent};
@@ -424,11 +362,11 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
 }  // namespace
 
 std::vector<BoardInfo> find_boards() {
-    const Context context = open_context();
+    Context context;
     std::vector<BoardInfo> boards;
-    each_board(context.get(), [&](BoardInfo& info, Handle& handle) {
+    each_board(context, [&](BoardInfo& info, Handle& handle) {
         if (handle && info.channels > 0 && info.problem.empty()) try {
-                ask(handle.get(), info);
+                ask(handle, info);
             } catch (const std::exception& error) { info.problem = std::string("it does not answer: ") + error.what(); }
         boards.push_back(info);
     });
@@ -448,18 +386,18 @@ std::string watchdog_problem(int watchdog_ms, const std::map<int, int>& homes) {
 }
 
 std::string set_watchdog(const std::string& serial, int timeout) try {
-    const Context context = open_context();
-    auto [info, handle] = open_board(context.get(), serial);
+    Context context;
+    auto [info, handle] = open_board(context, serial);
     DeviceLock lock;
     lock.take(node_of(info), "the Maestro " + info.serial);
     for (int c = 0; c < info.channels; ++c)
-        if (parameter(handle.get(), home_parameter(c), 2) == home_ignore)
-            transfer(handle.get(), set_parameter(home_parameter(c), 2, 0));
+        if (parameter(handle, home_parameter(c), 2) == home_ignore)
+            transfer(handle, set_parameter(home_parameter(c), 2, 0));
     const auto value = std::uint16_t(std::clamp((timeout + 9) / 10, 1, 65535));
-    transfer(handle.get(), set_parameter(serial_timeout_parameter, 2, value));
-    transfer(handle.get(), reinitialise());
+    transfer(handle, set_parameter(serial_timeout_parameter, 2, value));
+    transfer(handle, reinitialise());
     std::this_thread::sleep_for(std::chrono::milliseconds(60));  // the board needs 50
-    const int now = parameter(handle.get(), serial_timeout_parameter, 2);
+    const int now = parameter(handle, serial_timeout_parameter, 2);
     return now == value ? "" : "the watchdog reads back as " + std::to_string(10 * now) + " ms";
 } catch (const std::exception& error) { return error.what(); }
 

@@ -56,13 +56,21 @@ constexpr double standing_after = 0.05;  ///< a servo that was told nothing for 
 
 double credit(double elapsed) { return std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, longest_credit) : 0; }
 
-/// Whole values that one step may move by, from a speed in its direction: one at least, where the speed limit has left
-/// time for it.
+/// The velocity that it was told, unless that is too long ago.
+double lasting(const Told& told, double elapsed) {
+    return elapsed + told.took <= standing_after && std::isfinite(told.velocity) ? told.velocity : 0;
+}
+
+/// Whole values that one step may move by, from a speed in its direction: one at least, once the limits have left time
+/// for it.
 double largest_step(double speed, const WireLimits& limits, double elapsed) {
     const double limit = std::isfinite(limits.speed) ? std::max(0.0, limits.speed) : 0, time = credit(elapsed);
-    const double reached = limits.acceleration > 0 ? std::max(0.0, speed) + limits.acceleration * time : limit;
-    const double step = std::floor(std::min(limit, reached) * time);
-    const bool due = std::isfinite(elapsed) && limit * std::clamp(elapsed, 0.0, 1.0) >= 1;
+    auto reached = [&](double gain) {
+        return limits.acceleration > 0 ? std::min(limit, std::max(0.0, speed) + gain) : limit;
+    };
+    const double step = std::floor(reached(limits.acceleration * time) * time);
+    const double waited = std::isfinite(elapsed) ? std::clamp(elapsed, 0.0, 1.0) : 0;
+    const bool due = reached(0.5 * limits.acceleration * waited) * waited >= 1;
     return std::max(step, due ? 1.0 : 0.0);
 }
 
@@ -75,7 +83,7 @@ WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limit
     if (told.low != no_pulse && told.low <= told.high) {
         const double at_least = std::clamp(double(told.low), min, max),
                      at_most = std::clamp(double(told.high), min, max);
-        const double velocity = elapsed <= standing_after && std::isfinite(told.velocity) ? told.velocity : 0;
+        const double velocity = lasting(told, elapsed);
         // Within a step of wherever it may be; where no value is, as near to both ends as can be.
         const double low = at_most - largest_step(-velocity, limits, elapsed),
                      high = at_least + largest_step(velocity, limits, elapsed), middle = std::floor(0.5 * (low + high));
@@ -85,12 +93,18 @@ WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limit
     return WireValue(value);
 }
 
-Told told_after(const Told& before, WireValue value, bool arrived, double elapsed, double now) {
+Told told_after(const Told& before, WireValue value, bool arrived, const WireLimits& limits, double elapsed,
+                double now) {
     if (before.low == no_pulse) return {value, value, now, 0};
     // It may have arrived, all the same.
     if (!arrived) return {std::min(before.low, value), std::max(before.high, value), now, 0};
     const double time = credit(elapsed), moved = double(value) - 0.5 * (double(before.low) + double(before.high));
-    return {value, value, now, time > 0 ? moved / time : 0};
+    // A step is known to one value, which in next to no time is no speed: a servo goes no faster than limits let it.
+    double speed = time > 0 ? (std::abs(moved) + 1) / time : 0;
+    if (limits.acceleration > 0)
+        speed = std::min(
+            speed, std::max(0.0, std::copysign(1.0, moved) * lasting(before, elapsed)) + limits.acceleration * time);
+    return {value, value, now, std::copysign(speed, moved)};
 }
 
 WireValue limit_torque_wire(WireValue wanted, WireValue sent, const WireLimits& limits, double elapsed) {

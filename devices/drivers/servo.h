@@ -58,6 +58,7 @@ struct Told {
     WireValue low = no_pulse, high = no_pulse;
     double at = 0;        ///< when [s]
     double velocity = 0;  ///< with which it was told to move then [wire values per second]
+    double took = 0;      ///< how long telling it took, so that it may have stood since before `at` [s]
 };
 
 /// The last function before the wire: towards `wanted` from what the servo was told `elapsed` seconds ago, whatever of
@@ -69,7 +70,8 @@ WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limit
 
 /// What a servo has been told once `value` was sent `elapsed` seconds after `before`; `arrived` says whether it surely
 /// was.
-Told told_after(const Told& before, WireValue value, bool arrived, double elapsed, double now);
+Told told_after(const Told& before, WireValue value, bool arrived, const WireLimits& limits, double elapsed,
+                double now);
 
 /// The last function before the wire for a torque limit on its way to `wanted`: it rises slowly, and falls at once.
 WireValue limit_torque_wire(WireValue wanted, WireValue sent, const WireLimits& limits, double elapsed);

@@ -67,45 +67,7 @@ std::string finger_of(const Scene& scene, std::size_t thimble) {
     return scene.spec.fingers[std::size_t(scene.spec.thimbles[thimble].finger)].name;
 }
 
-constexpr double time_to_drain = 2;       ///< for what limits hold back [s]
-constexpr double measured_at_rest = 0.1;  ///< a shaft this near counts as there [rad]
-
-std::string last_fault(const BoardStatus& b) {
-    std::string reason = b.problem;
-    for (const BoardTransition& t : b.transitions)
-        if (t.to == BoardState::faulted) reason = t.reason;
-    return reason;
-}
-
-/// Whether the servos of a thimble are where the rest pose wants them: as measured, or as taken by the controller.
-RestOutcome rest_outcome(const Simulation& s, std::size_t t) {
-    const ThimbleLoop& loop = *s.loops[t];
-    const DriverSpec& d = s.scene.drivers[t];
-    const auto found = s.hardware->boards.find(controller_of(d));
-    if (found == s.hardware->boards.end()) return {at_rest(loop), "simulated"};
-    const Board& board = *found->second;
-    if (const BoardStatus b = board.status(); b.state != BoardState::active)
-        return {false, found->first + ": " + last_fault(b)};
-    if (loop.status.mode == ThimbleMode::fault) return {false, found->first + " was lost, and is not re-armed"};
-    if (!at_rest(loop)) return {false, "the time was too short"};
-    auto everywhere = [&](auto there) {
-        for (std::size_t j = 0; j < d.channels.size(); ++j)
-            if (!there(d.channels[j], d.servos[j],
-                       wire_value(d.servos[j], board.steps_per_unit(), loop.rest_q[std::ptrdiff_t(j)])))
-                return false;
-        return true;
-    };
-    if (!everywhere([&](int c, const ServoCalibration&, WireValue rest) { return board.arrived(c) == rest; }))
-        return {false, found->first + " did not confirm it"};
-    if (!board.measures()) return {true, "as the controllers have taken it; hobby servos do not tell where they are"};
-    auto measured = [&](int c, const ServoCalibration& servo, WireValue rest) {
-        const double bound = measured_at_rest * std::abs(servo.units_per_rad) * board.steps_per_unit();
-        return std::abs(double(board.position(c)) - double(rest)) <= bound;
-    };
-    for (int k = 0; k < 50 && !everywhere(measured); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    return everywhere(measured) ? RestOutcome{true, "as measured"}
-                                : RestOutcome{false, "its servos are elsewhere, as measured"};
-}
+constexpr double time_to_drain = 2;  ///< for what limits hold back [s]
 
 /// Rows of armed thimbles tell how old their commands were at the wire.
 void add_age_columns(Simulation& s) {
@@ -190,7 +152,13 @@ void disarm(Simulation& s) {
     s.hardware->thread->stop();
     for (const auto& [name, board] : s.hardware->boards) board->drain(time_to_drain);
     s.hardware->rest.clear();
-    for (std::size_t t = 0; t < s.loops.size(); ++t) s.hardware->rest.push_back(rest_outcome(s, t));
+    for (std::size_t t = 0; t < s.loops.size(); ++t) {
+        const DriverSpec& d = s.scene.drivers[t];
+        const auto board = s.hardware->boards.find(controller_of(d));
+        s.hardware->rest.push_back(board == s.hardware->boards.end()
+                                       ? RestOutcome{at_rest(*s.loops[t]), "simulated"}
+                                       : rest_outcome(*s.loops[t], *board->second, board->first, d.channels, d.servos));
+    }
 }
 
 bool keep_armed(Simulation& from, Simulation& to) {

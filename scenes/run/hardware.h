@@ -6,6 +6,7 @@
 
 #include "devices/drivers/last_resort.h"
 #include "devices/loop/device_thread.h"
+#include "devices/loop/rest_outcome.h"
 #include "scenes/run/simulation.h"
 
 namespace palpate {
@@ -15,12 +16,6 @@ struct ArmSettings {
     /// Where maestro-dry writes its transfers, and boards what they were sent before a fault.
     std::filesystem::path folder = ".";
     bool need_calibration = true;  ///< refuse servos of which nobody knows how they sit in their thimble
-};
-
-/// Whether a thimble is in its rest pose, as far as anybody can know.
-struct RestOutcome {
-    bool confirmed = false;
-    std::string how;  ///< who confirmed it; or why nobody can
 };
 
 struct Hardware {

@@ -36,7 +36,7 @@ TEST(WireValue, AnySequenceStaysInRangeAndInsideTheSpeedLimit) {
                 ASSERT_LE(std::abs(int(value) - int(told.low)), most);
                 ASSERT_LE(std::abs(int(value) - int(told.high)), most);
             }
-            told = told_after(told, value, random() % 10 != 0, elapsed, 0);
+            told = told_after(told, value, random() % 10 != 0, limits, elapsed, 0);
             if (i % 1000 == 0) told = {};
         }
     }
@@ -59,10 +59,10 @@ TEST(WireValue, SpeedRisesByTheAccelerationLimitAndAnyTargetIsReached) {
         ASSERT_LE(std::abs(step), std::max(1.0, speed * time));
         ASSERT_LE(step, std::max(1.0, (std::max(v, 0.0) + acceleration * time) * time)) << i;
         ASSERT_GE(step, -std::max(1.0, (std::max(-v, 0.0) + acceleration * time) * time)) << i;
-        told = told_after(told, value, true, elapsed, 0);
-        v = step / time;
+        told = told_after(told, value, true, limits, elapsed, 0);
+        v = std::copysign(std::abs(step) + 1, step) / time;  // known to one value
     }
-    for (int k = 0; k < 200; ++k) told = told_after(told, limit_wire(7777, told, limits, 0.02), true, 0.02, 0);
+    for (int k = 0; k < 200; ++k) told = told_after(told, limit_wire(7777, told, limits, 0.02), true, limits, 0.02, 0);
     EXPECT_EQ(told.low, 7777);
     // What is known to be out of range begins at the end of the range; slow limits get there, too.
     EXPECT_LE(limit_wire(4000, {9000, 9000, 0}, limits, 0.02), 8000);
@@ -70,10 +70,39 @@ TEST(WireValue, SpeedRisesByTheAccelerationLimitAndAnyTargetIsReached) {
     const WireLimits slow{4000, 8000, 10, 20};
     Told at{6000, 6000, 0};
     for (int k = 0; k < 200; ++k) {
-        const WireValue value = limit_wire(6010, at, slow, 0.1);
-        at = told_after(at, value, true, 0.1, 0);
+        const double now = 0.1 * k;
+        const WireValue value = limit_wire(6010, at, slow, now - at.at);
+        if (value != at.low) at = told_after(at, value, true, slow, now - at.at, now);
     }
     EXPECT_EQ(at.low, 6010);
+}
+
+/// A board is woken by each of its thimbles, some of them right after it has sent something.
+TEST(WireValue, ManySmallStepsEarnNoSpeed) {
+    const double acceleration = 12 * 4 * 636.62;
+    const WireLimits limits{4000, 8000, 15000, acceleration};
+    for (const double pause : {0.00007, 0.0003, 0.002}) {
+        Told told{5000, 5000, 0};
+        double now = 0;
+        for (int k = 0; k < 100; ++k) {
+            for (const double elapsed : {pause, 0.01}) {
+                now += elapsed;
+                const WireValue value = limit_wire(8000, told, limits, now - told.at);
+                if (value == told.low) continue;
+                told = told_after(told, value, true, limits, now - told.at, now);
+            }
+            ASSERT_LE(told.low - 5000, acceleration * now * (0.5 * now + 0.012) + 2) << "after " << now << " s";
+            if (told.low == 8000) break;
+        }
+        EXPECT_GT(told.low, 7000) << "it gets there";
+    }
+}
+
+TEST(WireValue, WhatWaitedForASlowTransferSetsOutAnew) {
+    const WireLimits limits{4000, 8000, 15000, 30000};
+    const Told moving{6000, 6000, 0, 10000, 0.002}, stood{6000, 6000, 0, 10000, 0.1};
+    EXPECT_GT(limit_wire(8000, moving, limits, 0.02), 6190);
+    EXPECT_LE(limit_wire(8000, stood, limits, 0.02), 6012);
 }
 
 TEST(WireValue, TorqueLimitsRiseSlowlyAndFallAtOnce) {

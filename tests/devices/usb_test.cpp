@@ -1,5 +1,7 @@
 // The unmodified program and emulated Maestro boards on USB.
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -7,6 +9,7 @@
 #include <sstream>
 
 #include "devices/drivers/servo.h"
+#include "tests/emulator/wire_log.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -14,6 +17,7 @@ namespace {
 
 using testing::Outcome;
 using testing::shell;
+using Target = testing::WireEvent;
 
 #define EXPECT_SAYS(outcome, part) EXPECT_NE((outcome).out.find(part), std::string::npos) << "found: " << (outcome).out
 
@@ -65,17 +69,7 @@ class Usb : public ::testing::Test {
         }
         return o;
     }
-    /// Channels below zero are events: -1 the watchdog has bitten, -2 unplugged, -3 plugged in.
-    struct Target {
-        double time;
-        int board, channel, value;
-    };
-    std::vector<Target> events() const {
-        std::ifstream in(scratch.path / "log");
-        std::vector<Target> out;
-        for (Target t; in >> t.time >> t.board >> t.channel >> t.value;) out.push_back(t);
-        return out;
-    }
+    std::vector<Target> events() const { return testing::read_wire_log((scratch.path / "log").string()); }
     std::vector<Target> log() const {
         std::vector<Target> out;
         for (const Target& t : events())
@@ -87,43 +81,20 @@ class Usb : public ::testing::Test {
         const auto all = events();
         return std::any_of(all.begin(), all.end(), [&](const Target& t) { return t.channel == event; });
     }
-    /// What reached servos, whatever happened: in range, and never faster than the limit.
-    static void expect_safe(const std::vector<Target>& targets) {
-        std::map<int, Target> last;
-        for (const Target& t : targets) {
-            if (t.channel < 0) {
-                if (t.channel != -3) last.clear();  // servos may be elsewhere
-                continue;
-            }
-            ASSERT_GE(t.value, 4 * 992);
-            ASSERT_LE(t.value, 4 * 2000);
-            const auto before = last.find(t.channel);
-            if (before != last.end()) {
-                // Times are those of arrival, which a busy bus delays.
-                const double elapsed = std::min(0.1, t.time - before->second.time + 0.06);
-                ASSERT_LE(std::abs(t.value - before->second.value), 4 * 636.62 * 6 * 1.05 * elapsed + 1)
-                    << "channel " << t.channel << " at " << t.time;
-            }
-            last[t.channel] = t;
-        }
-    }
+    /// What reached servos, whatever happened.
+    static void expect_safe(const std::vector<Target>& all) { ASSERT_EQ(testing::unsafe(all), ""); }
     /// Nobody has re-armed: nothing is told to a board that was unplugged, or whose watchdog has bitten `grace` ago,
     /// but for `underway` transfers that a stopped program had begun.
     static void expect_latched(const std::vector<Target>& all, double grace, int underway = 0) {
-        double faulted = HUGE_VAL;
-        for (const Target& t : all) {
-            if (t.channel == -2) faulted = std::min(faulted, t.time);
-            if (t.channel == -1) faulted = std::min(faulted, t.time + grace);
-            if (t.channel >= 0 && t.time > faulted) --underway;
-            ASSERT_GE(underway, 0) << "told at " << t.time << ", after the fault at " << faulted;
-        }
+        ASSERT_EQ(testing::told_after_a_latch(all, grace, false, underway), "");
     }
     /// What the program says of the rest pose is what the boards saw.
     void expect_true_words(const Outcome& o, int channels) const {
         const bool claims = o.out.find("thimbles are in their rest pose") != std::string::npos;
         if (claims) {
             expect_at_rest(log(), channels);
-            EXPECT_FALSE(happened(-2)) << "a board that was unplugged cannot be known to be at rest\n" << o.out;
+            EXPECT_FALSE(happened(testing::unplugged)) << "a board that was unplugged cannot be known to be at rest\n"
+                                                       << o.out;
         } else if (o.code != 2) {
             EXPECT_SAYS(o, "is not known to be in its rest pose");
         }
@@ -139,8 +110,7 @@ class Usb : public ::testing::Test {
         return wire_value({}, 4, m.kind->joints(m, m.rest).q[joint]);
     }
     static void expect_at_rest(const std::vector<Target>& targets, int channels) {
-        std::map<int, int> last;
-        for (const Target& t : targets) last[t.channel] = t.value;
+        const auto last = testing::newest_targets(targets);
         ASSERT_EQ(int(last.size()), channels);
         for (const auto& [channel, value] : last) EXPECT_EQ(value, rest_pulse(channel % 3)) << "channel " << channel;
     }
@@ -241,13 +211,13 @@ TEST_F(Usb, OneBoardHasOneDriver) {
     EXPECT_SAYS(o, "is in use");
     EXPECT_SAYS(o, "second: 2");
     EXPECT_SAYS(o, "thimbles are in their rest pose");
-    expect_safe(log());
+    expect_safe(events());
 }
 
 TEST_F(Usb, AWatchdogThatHasBittenLatches) {
     const Outcome o = emulate("--bites 1" + logged(),
                               meanwhile(run_command(scene(2, 2.5)), "kill -STOP $p; sleep 0.6; kill -CONT $p"));
-    ASSERT_TRUE(happened(-1)) << o.out;
+    ASSERT_TRUE(happened(testing::watchdog_bit)) << o.out;
     expect_safe(events());
     // The emulation takes several messages for what is one call of a kernel: it can be stopped inside.
     expect_latched(events(), 0, 1);
@@ -267,10 +237,10 @@ TEST_F(Usb, AReplugNeedsAPersonAndThenGoesOn) {
     EXPECT_SAYS(o, "inactive to active: armed");
     const auto all = events();
     expect_safe(all);
-    ASSERT_TRUE(happened(-3)) << o.out;
+    ASSERT_TRUE(happened(testing::plugged_in)) << o.out;
     double back = 0, first = HUGE_VAL;
     for (const Target& t : all) {
-        if (t.channel == -2) back = t.time;
+        if (t.channel == testing::unplugged) back = t.time;
         if (t.channel >= 0 && back > 0) first = std::min(first, t.time);
     }
     EXPECT_LT(first, HUGE_VAL) << "nothing was told after it was re-armed";
@@ -281,12 +251,73 @@ TEST_F(Usb, WhateverSignalEndsItServosGoToRest) {
     for (const std::string signal : {"HUP", "QUIT", "ABRT", "SEGV", "FPE", "USR1"}) {
         const Outcome o = emulate(logged(), meanwhile(run_command(scene(2, 20)), "kill -" + signal + " $p"));
         ASSERT_FALSE(log().empty()) << signal << o.out;
-        expect_safe(log());
+        expect_safe(events());
         expect_at_rest(log(), 6);
         if (HasFailure()) FAIL() << signal << o.out;
     }
     // Nobody reads what it says any more.
     emulate(logged(), "sh -c '" + run_command(scene(2, 1)) + " | true'");
+    expect_at_rest(log(), 6);
+}
+
+/// Ways to hold a dead-man's switch, as a person does: with a heartbeat, a foot switch, a key.
+struct Switch {
+    std::string name, option, before, runs, hold, end;
+};
+
+TEST_F(Usb, ThimblesFollowOnlyWhileTheSwitchIsHeld) {
+    const std::string here = scratch.path.string(), port = std::to_string(20000 + ::getpid() % 30000);
+    const std::string end = "kill -INT $p";
+    for (const Switch& s : {
+             Switch{"heartbeat", "heartbeat:" + port, "", "RUN &",
+                    "bash -c 'for i in $(seq 16); do printf 1 > /dev/udp/127.0.0.1/" + port + "; sleep 0.05; done'",
+                    end},
+             Switch{"joystick", "joystick:" + here + "/js", "mkfifo js", "RUN &",
+                    "(printf '\\0\\0\\0\\0\\1\\0\\1\\0'; sleep 0.8; printf '\\0\\0\\0\\0\\0\\0\\1\\0') > js", end},
+             Switch{"key", "key", "mkfifo keys; exec 3<> keys", "script -qec 'RUN' /dev/null < keys &",
+                    "for i in $(seq 20); do printf x >&3; sleep 0.04; done", "printf '\\003' >&3"},
+         }) {
+        std::string runs = s.runs;
+        runs.replace(runs.find("RUN"), 3, run_command(scene(1, 0.6)) + " --duration 30 --hold " + s.option);
+        std::ofstream(scratch.path / "go.sh")
+            << "cd " << here << "; rm -f log_*\n"
+            << s.before << "\n"
+            << runs << "\np=$!\n"
+            << "n=0; while [ $(wc -l < log) -lt 7 ] && [ $n -lt 400 ]; do sleep 0.05; n=$((n+1)); done; sleep 0.8\n"
+            << "cp log log_before\n"
+            << s.hold << "\ncp log log_held\nsleep 1.3\ncp log log_after\n"
+            << s.end << "\nwait $p\n";
+        const Outcome o = emulate("--at 6000" + logged(), "sh " + here + "/go.sh");
+        auto told = [&](const char* when) {
+            return testing::newest_targets(testing::read_wire_log(here + "/" + when));
+        };
+        auto rests = [&](const char* when) {
+            const auto all = told(when);
+            return std::all_of(all.begin(), all.end(), [](auto t) { return t.second == rest_pulse(t.first % 3); });
+        };
+        EXPECT_EQ(told("log_held").size(), 3u) << s.name << o.out;
+        EXPECT_TRUE(rests("log_before")) << s.name << ": moved before it was held\n" << o.out;
+        EXPECT_FALSE(rests("log_held")) << s.name << ": did not follow\n" << o.out;
+        EXPECT_TRUE(rests("log_after")) << s.name << ": follows although it was let go\n" << o.out;
+        expect_safe(events());
+        std::filesystem::remove(scratch.path / "js"), std::filesystem::remove(scratch.path / "keys");
+    }
+}
+
+TEST_F(Usb, AViewedSceneThatBeginsAgainDoesNotReArm) {
+    const std::string port = std::to_string(20000 + (::getpid() + 7) % 30000);
+    const Outcome o = emulate("--fault unplug@150 --replug-ms 100" + logged(),
+                              "timeout -s INT 4 " + program + " view " + scene(1, 0.5) + " --arm --port " + port);
+    ASSERT_TRUE(happened(testing::unplugged)) << o.out;
+    ASSERT_TRUE(happened(testing::plugged_in)) << o.out;
+    expect_latched(events(), 0);
+    expect_safe(events());
+}
+
+TEST_F(Usb, ASecondCtrlCEndsAtOnceAfterTheRestPose) {
+    const Outcome o = emulate(logged(), meanwhile(run_command(scene(2, 30)), "kill -INT $p; sleep 0.1; kill -INT $p"));
+    EXPECT_NE(o.code, 0) << o.out;
+    expect_safe(events());
     expect_at_rest(log(), 6);
 }
 
@@ -322,10 +353,13 @@ TEST_F(Usb, AgesOfCommandsAreToldAtTheWire) {
 }
 
 TEST_F(Usb, FiveFingersOnOneBoardMoveSafelyAndEndAtRest) {
-    const Outcome o = emulate(logged(), run_command(scene(5, 1.5)));
+    const Outcome o = emulate(logged(), run_command(scene(5, 1.5)) + " --set dt_ms=1");
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_SAYS(o, "0 failures, opened 1 times");
     EXPECT_SAYS(o, " 0 faults");
+    std::istringstream lines(o.out);
+    for (std::string line; std::getline(lines, line);)
+        if (line.find("age of") != std::string::npos) std::printf("%s\n", line.c_str());
     const auto targets = log();
     EXPECT_GT(targets.size(), 300u);
     expect_safe(targets);
@@ -364,14 +398,14 @@ TEST_F(Usb, CalibrationIsFoundAndUsed) {
     Outcome o = shell(keys + " | " + emulator + logged() + " -- " + program + " calibrate-thimble " + scene(1, 1) +
                       " --out " + file.string());
     EXPECT_EQ(o.code, 0) << o.out;
-    expect_safe(log());
+    expect_safe(events());
     std::ifstream in(file);
     std::stringstream text;
     text << in.rdbuf();
     EXPECT_NE(text.str().find("us_per_rad = -636.62"), std::string::npos) << text.str();
     o = emulate(logged(), run_command(scene(1, 0.3, "calibration = \"index.toml\"")));
     EXPECT_EQ(o.code, 0) << o.out;
-    expect_safe(log());
+    expect_safe(events());
 }
 
 TEST_F(Usb, FaultsLatchAndAreReported) {
@@ -380,7 +414,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
                                     "stall@153 --fault stall@154 --fault stall@155"}) {
         const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.2)));
         EXPECT_EQ(o.code, 0) << fault << o.out;
-        expect_safe(log());
+        expect_safe(events());
         if (fault[0] != 's') {
             EXPECT_SAYS(o, " 5 faults");
             EXPECT_SAYS(o, "last problem");
@@ -389,7 +423,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
     for (const std::string fault : {"sticky@150", "deaf@150", "bite@150"}) {
         const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.5)));
         EXPECT_EQ(o.code, 0) << fault << o.out;
-        expect_safe(log());
+        expect_safe(events());
         EXPECT_SAYS(o, " 5 faults");
         EXPECT_SAYS(o, "is not known to be in its rest pose");
         EXPECT_TRUE(std::filesystem::exists(scratch.path / "results" / "audit_maestro_00123456_1.csv"));
@@ -399,7 +433,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
         const Outcome o = emulate("--fault " + kind + "@150" + logged(), run_command(scene(5, 1)));
         EXPECT_EQ(o.code, 0) << kind << o.out;
         EXPECT_SAYS(o, " 0 faults");
-        expect_safe(log());
+        expect_safe(events());
         expect_at_rest(log(), 15);
     }
 }

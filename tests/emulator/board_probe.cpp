@@ -1,11 +1,13 @@
 // Drives five thimbles on a Maestro as the program does (loops, device thread, board, link),
 // without a scene: what faults do to the driver is seen in a fraction of a second, under a sanitizer or valgrind too.
 //
-//   board-probe [--seconds S] [--rearm 1] [--die SIGNAL] [--audit FILE]
+//   board-probe [--seconds S] [--rearm 1] [--die SIGNAL] [--audit FILE] [--acceleration RAD_PER_S2]
 //
-// Joints swing to and fro. With --rearm 1 faults are cleared whenever their cause is gone, as by a person who never
-// tires. Prints how the board fared; exits 0 where it ended well, 1 where it ended in a fault, 2 where it was refused.
+// Joints swing to and fro, fast. With --rearm 1 faults are cleared whenever their cause is gone, as by a person who
+// never tires. Prints how the board fared; exits 0 where it ended well, 1 where it ended in a fault, 2 where it was
+// refused.
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -14,6 +16,7 @@
 #include "devices/drivers/last_resort.h"
 #include "devices/drivers/maestro.h"
 #include "devices/loop/device_thread.h"
+#include "devices/loop/rest_outcome.h"
 
 namespace {
 
@@ -24,6 +27,7 @@ struct Options {
     bool rearm = false;
     int signal = 0;
     std::string audit;
+    double acceleration = SlewLimits{}.acceleration;
 };
 
 Options parse(int argc, char** argv) {
@@ -33,6 +37,7 @@ Options parse(int argc, char** argv) {
         if (key == "--seconds") o.seconds = std::atof(argv[i + 1]);
         if (key == "--rearm") o.rearm = std::atoi(argv[i + 1]) != 0;
         if (key == "--die") o.signal = std::atoi(argv[i + 1]);
+        if (key == "--acceleration") o.acceleration = std::atof(argv[i + 1]);
         if (key == "--audit") o.audit = argv[i + 1];
     }
     return o;
@@ -40,7 +45,8 @@ Options parse(int argc, char** argv) {
 
 int probe(const Options& o) {
     constexpr int thimbles = 5;
-    const ThimbleLoopSettings settings;
+    ThimbleLoopSettings settings;
+    settings.limits.acceleration = o.acceleration;
     maestro::LinkSettings link;
     for (int c = 0; c < 3 * thimbles; ++c)
         link.limits[c] = {ServoCalibration{}.units_per_rad * settings.limits.velocity,
@@ -62,7 +68,11 @@ int probe(const Options& o) {
     for (const double began = device_clock(); device_clock() - began < o.seconds;) {
         const double t = device_clock() - began;
         for (ThimbleLoop* loop : all) {
-            const Coordinates w = Eigen::Vector3d(0.3 * std::sin(9 * t), 0.2 * std::cos(7 * t), 0.024);
+            // Still at first, until servos have caught up and may be fast.
+            auto swing = [&](double hertz) {
+                return t < 0.5 ? 0 : std::clamp(3 * std::sin(6.28 * hertz * (t - 0.5)), -1.0, 1.0);
+            };
+            const Coordinates w = Eigen::Vector3d(0.3 * swing(1.4), 0.2 * swing(1.1), 0.024);
             loop->mailbox.publish({t, model.kind->joints(model, w).q, true});
             if (o.rearm && loop->status.mode == ThimbleMode::fault) loop->rearm_asked = true;
         }
@@ -70,11 +80,18 @@ int probe(const Options& o) {
         if (o.signal && t > 0.6 * o.seconds) std::raise(o.signal);
     }
     thread.stop();
-    const bool drained = board->drain(2);
+    board->drain(2);
     const BoardStatus s = board->status();
     for (const auto& t : s.transitions) std::printf("%s to %s: %s\n", name(t.from), name(t.to), t.reason.c_str());
+    bool everywhere = true;
+    for (int t = 0; t < thimbles; ++t) {
+        const RestOutcome r = rest_outcome(*loops[std::size_t(t)], *board, "the Maestro", {3 * t, 3 * t + 1, 3 * t + 2},
+                                           std::vector<ServoCalibration>(3));
+        if (!r.confirmed) std::printf("thimble %d is not known to be in its rest pose: %s\n", t, r.how.c_str());
+        everywhere &= r.confirmed;
+    }
     std::printf("%lld values, %lld failures, %lld faults; %s\n", (long long)s.values, (long long)s.failures,
-                (long long)s.faults, drained ? "thimbles are in their rest pose" : "not known to be at rest");
+                (long long)s.faults, everywhere ? "thimbles are in their rest pose" : "not known to be at rest");
     return s.state == BoardState::active ? 0 : 1;
 }
 

@@ -1,14 +1,13 @@
 // Emulates Pololu Maestro boards on USB for the unmodified program: runs a command that sees them, and writes down what
 // they were told. usbfs by umockdev; what the boards do with it is here.
 //
-//   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--bites 1] [--home N] [--log FILE]
+//   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--bites 1] [--home N] [--at N] [--log FILE]
 //                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] -- COMMAND...
 //
 // KIND: stall, timeout, partial (timeout with half the data), short, long, errors (once), sticky (an error from then
 // on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), hang (never given back), unplug.
-// With --bites 1 the watchdog bites by itself, where the board hears nothing. Boards come and go with udev's events.
-// The log has one line per target: seconds, board, channel, quarter microseconds; and one per event, its channel -1
-// (watchdog), -2 (unplugged), -3 (plugged in). Exits as the command does.
+// With --bites 1 the watchdog bites by itself, where the board hears nothing. --at N [quarter us]: what servos were
+// told before. Boards come and go with udev's events. The log is what wire_log.h reads. Exits as the command does.
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
@@ -31,23 +30,18 @@
 #include <thread>
 #include <vector>
 
-#include "devices/drivers/maestro_protocol.h"
+#include "tests/emulator/maestro_model.h"
 
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0;
+    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0, at = 0;
     bool bites = false;
     std::string log;
     std::map<long, std::string> faults;  ///< by number of the transfer
     std::vector<char*> command;
-};
-
-struct Servo {
-    std::uint16_t position = 0, target = 0, speed = 0;
-    std::uint8_t acceleration = 0;
 };
 
 struct Urb {
@@ -60,15 +54,9 @@ struct Urb {
 
 struct Bus;
 
-struct Board {
+struct Board : palpate::testing::MaestroModel {
     Bus* bus = nullptr;
-    int number = 0, channels = 0;
-    std::vector<Servo> servos;
-    std::map<int, int> parameters;
-    std::uint16_t errors = 0;
     bool present = true, listed = false;  ///< on the bus; known to the system
-    bool sticky = false, deaf = false, fed = false;
-    Clock::time_point last_fed;
     Clock::time_point gone;
     std::deque<Urb> finished, waiting;
     UMockdevIoctlBase* handler = nullptr;
@@ -82,7 +70,6 @@ struct Bus {
     std::vector<Board> boards;
     long transfers = 0;
     FILE* log = nullptr;
-    Clock::time_point start = Clock::now();
 };
 
 std::string serial_of(int board) {
@@ -126,37 +113,6 @@ std::vector<std::uint8_t> string_descriptor(const Board& b, int index) {
     return out;
 }
 
-void put(std::vector<std::uint8_t>& out, int value) {
-    out.push_back(std::uint8_t(value));
-    out.push_back(std::uint8_t(value >> 8));
-}
-
-std::vector<std::uint8_t> settings_reply(const Board& b) {
-    std::vector<std::uint8_t> out;
-    for (const Servo& s : b.servos) {
-        put(out, s.position), put(out, s.target), put(out, s.speed);
-        out.push_back(s.acceleration);
-    }
-    return out;
-}
-
-void log(Board& b, int channel, int value) {
-    if (!b.bus->log) return;
-    std::fprintf(b.bus->log, "%.6f %d %d %d\n", std::chrono::duration<double>(Clock::now() - b.bus->start).count(),
-                 b.number, channel, value);
-    std::fflush(b.bus->log);
-}
-
-/// Servos go home: off, or to a place, or nowhere.
-void bite(Board& b) {
-    b.errors |= palpate::maestro::serial_timeout;
-    b.fed = false;
-    for (int c = 0; c < b.channels; ++c)
-        if (const int home = b.parameters[palpate::maestro::home_parameter(c)]; home != palpate::maestro::home_ignore)
-            b.servos[std::size_t(c)].position = b.servos[std::size_t(c)].target = std::uint16_t(home);
-    log(b, -1, 0);
-}
-
 /// The watchdog, where it bites by itself.
 void bite_if_starved(Board& b) {
     const Options& o = b.bus->options;
@@ -167,39 +123,7 @@ void bite_if_starved(Board& b) {
 /// The board's answer to a request; false: it stalls.
 bool answer(Board& b, int type, int request, int value, int index, std::vector<std::uint8_t>& reply) {
     if (type == 0x80 && request == 6 && value >> 8 == 3) return reply = string_descriptor(b, value & 0xff), true;
-    if (b.channels == 0) return false;  // its bootloader
-    if (type == 0x40) {
-        if (request == 0x85 || request == 0x86) b.fed = true, b.last_fed = Clock::now();
-        if (request == 0x85) {
-            if (index >= b.channels || (b.deaf && index == 1)) return false;
-            b.servos[std::size_t(index)].target = b.servos[std::size_t(index)].position = std::uint16_t(value);
-            return log(b, index, value), true;
-        }
-        if (request == 0x84) {
-            if ((index & 0x7f) >= b.channels) return false;
-            (index & 0x80 ? void(b.servos[std::size_t(index & 0x7f)].acceleration = std::uint8_t(value))
-                          : void(b.servos[std::size_t(index)].speed = std::uint16_t(value)));
-            return true;
-        }
-        if (request == 0x86) return b.errors = 0, true;
-        if (request == 0x82) return b.parameters[index & 0xff] = value, true;
-        return request == 0x90;
-    }
-    if (type != 0xC0) return false;
-    if (request == 0x81) {
-        const int v = b.parameters[index];
-        reply = {std::uint8_t(v), std::uint8_t(v >> 8)};
-        return true;
-    }
-    if (request == 0x87) return b.channels > 6 ? (reply = settings_reply(b), true) : false;
-    if (request != 0x83) return false;
-    reply.assign(b.channels == 6 ? 98 : 8, 0);
-    if (b.sticky) b.errors |= 1 << 4;
-    reply[2] = std::uint8_t(b.errors), reply[3] = std::uint8_t(b.errors >> 8);
-    reply[b.channels == 6 ? 96 : 6] = 1;
-    if (b.channels == 6)
-        for (std::uint8_t byte : settings_reply(b)) reply.push_back(byte);
-    return true;
+    return palpate::testing::answer(b, type, request, value, index, reply);
 }
 
 void finish(Board& b, Urb urb, int status, int length) {
@@ -211,7 +135,7 @@ void finish(Board& b, Urb urb, int status, int length) {
 void unplug(Board& b) {
     b.present = false;
     b.gone = Clock::now();
-    log(b, -2, 0);
+    note(b, palpate::testing::unplugged, 0);
     for (Urb& u : b.waiting) finish(b, u, -ENODEV, 0);
     b.waiting.clear();
 }
@@ -321,7 +245,7 @@ bool plug_in(Bus& bus, Board& b) {
     b.finished.clear();
     b.fed = false;
     umockdev_testbed_uevent(bus.testbed, b.path.c_str(), "add");
-    log(b, -3, 0);
+    note(b, palpate::testing::plugged_in, 0);
     return true;
 }
 
@@ -353,6 +277,8 @@ bool parse(int argc, char** argv, Options& o) {
             o.watchdog_ms = std::atoi(value.c_str());
         else if (arg == "--home")
             o.home = std::atoi(value.c_str());
+        else if (arg == "--at")
+            o.at = std::atoi(value.c_str());
         else if (arg == "--bites")
             o.bites = value != "0";
         else if (arg == "--replug-ms")
@@ -363,7 +289,7 @@ bool parse(int argc, char** argv, Options& o) {
             o.faults[std::atol(value.substr(value.find('@') + 1).c_str())] = value.substr(0, value.find('@'));
         else if (arg == "--random-faults") {
             std::mt19937 random(unsigned(std::atol(value.c_str())));
-            for (int k = 0; k < 12; ++k) o.faults[long(random() % 900)] = kinds[random() % 10];
+            for (int k = 0; k < 12; ++k) o.faults[long(random() % 900)] = kinds[random() % std::size(kinds)];
         } else
             return false;
     }
@@ -392,14 +318,8 @@ int main(int argc, char** argv) {
         Board& b = bus.boards[std::size_t(i)];
         b.bus = &bus;
         b.number = i;
-        b.channels = bus.options.channels;
-        b.servos.resize(std::size_t(b.channels));
-        b.parameters[palpate::maestro::serial_timeout_parameter] = bus.options.watchdog_ms / 10;
-        for (int c = 0; c < b.channels; ++c) {
-            b.parameters[palpate::maestro::home_parameter(c)] = bus.options.home;
-            b.parameters[palpate::maestro::min_parameter(c)] = 62;   // 992 us
-            b.parameters[palpate::maestro::max_parameter(c)] = 125;  // 2000 us
-        }
+        palpate::testing::set_up(b, bus.options.channels, bus.options.watchdog_ms, bus.options.home, bus.options.at);
+        b.log = bus.log;
         b.text = description(b);
         char node[64];
         std::snprintf(node, sizeof node, "/dev/bus/usb/001/%03d", i + 2);
