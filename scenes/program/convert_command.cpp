@@ -55,6 +55,20 @@ void add_tables(const RecordedRun& run, const std::string& prefix, std::map<std:
     }
 }
 
+/// What a run was: its scene, and the settings that were laid over it.
+void add_notes(const RecordedRun& run, const std::string& prefix, std::map<std::string, std::string>& notes) {
+    const auto lines = [](const std::vector<std::string>& all) {
+        std::string text;
+        for (const std::string& line : all) text += (text.empty() ? "" : "\n") + line;
+        return text;
+    };
+    notes[prefix + "scene"] = run.scene;
+    notes[prefix + "scene_text"] = run.text;
+    notes[prefix + "settings"] = lines(run.overrides);
+    for (const RecordedRun::Change& change : run.changes)
+        notes[prefix + "settings_after_step_" + std::to_string(change.step)] = lines(change.overrides);
+}
+
 /// The folders that are written into; both kinds of output may go to the same one.
 struct Folders {
     std::map<std::filesystem::path, ResultsFolder> open{};
@@ -98,15 +112,17 @@ int convert(const ConvertArguments& a, const std::atomic<bool>& stop) {
     if (!a.hdf5.empty() && !has_hdf5()) write_hdf5(a.hdf5, {});
     const Recording recording = read_recording(a.file);
     std::map<std::string, Series> tables;
+    std::map<std::string, std::string> notes;
     std::size_t steps = 0;
     for (std::size_t k = 0; k < recording.runs.size(); ++k) {
         const std::string run = folder_of_run("", recording, k).string();
         add_tables(recording.runs[k], run.empty() ? "" : run + "/", tables);
+        if (!recording.runs[k].fingers.empty()) add_notes(recording.runs[k], run.empty() ? "" : run + "/", notes);
         steps += recording.runs[k].steps.size();
     }
     Folders folders;
     if (!a.csv.empty()) write_tables(folders.at(a.csv).part(), tables);
-    if (!a.hdf5.empty()) write_hdf5(a.hdf5, tables);
+    if (!a.hdf5.empty()) write_hdf5(a.hdf5, tables, notes);
     const bool same = a.vtu.empty() || write_pads(a, folders.at(a.vtu).part(), recording, stop);
     folders.finish();
     for (const std::string& out : {a.csv, a.hdf5})

@@ -8,6 +8,7 @@
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/stream_options.h"
+#include "scenes/recording/live_tables.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
 #include "scenes/recording/run_file.h"
@@ -110,6 +111,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         arm(simulation, {!a.no_watchdog, folder});
     else if (!a.quiet && !a.json && drives_hardware(simulation.scene))
         std::printf("thimbles are simulated; --arm moves the real ones\n");
+    LiveTables tables(results.part(), simulation);
     std::optional<PadSeries> pads;
     if (a.pads_per_second > 0) pads.emplace(results.part(), a.pads_per_second);
     std::exception_ptr pads_failure;  // thrown when the run is over, and thimbles are at rest
@@ -121,7 +123,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         obey_dead_man(*dead_man, simulation);
     }
     std::unique_ptr<Stream> stream;
-    if (!a.stream.target.empty()) stream = std::make_unique<Stream>(a.stream);
+    if (!a.stream.target.empty()) stream = std::make_unique<Stream>(a.stream), tell_address(*stream);
     RearmKey rearm_key;
     if (dead_man && dead_man->uses_terminal) rearm_key.listens = false;
     run(
@@ -132,6 +134,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
             if (!a.report.empty()) report.record(simulation);
             if (record) record->record(inputs, simulation);
             if (stream) stream->tell(simulation);
+            tables.record(simulation);
             try {
                 if (pads && !pads_failure) pads->record(simulation);
             } catch (const std::exception&) { pads_failure = std::current_exception(); }
@@ -145,7 +148,8 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     const bool record_failed = record && !end_recording(*record);
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
-    write_results(results.part(), simulation, summary);
+    tables.finish(simulation);
+    write_results(results.part(), simulation, summary, true);
     if (pads) pads->finish(simulation);
     const std::vector<std::string> replaced = results.finish();
     if (!a.report.empty()) report.write(a.report, simulation, summary);

@@ -7,5 +7,7 @@ namespace palpate {
 
 /// --stream and what belongs to it.
 void add_stream_options(const Command& command, StreamSettings& stream);
+/// Says where WebSockets connect.
+void tell_address(const Stream& stream);
 
 }  // namespace palpate

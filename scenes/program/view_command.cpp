@@ -168,6 +168,7 @@ struct LiveRun {
         }
         // Rows are for results, which a live run has none of: without end, they would fill the memory.
         for (Series& series : s.finger_series) series.values.clear();
+        for (Series& series : s.body_series) series.values.clear();
         s.step_series.values.clear();
     }
 
@@ -236,10 +237,16 @@ struct LiveRun {
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     using Clock = std::chrono::steady_clock;
     if (a.stream.target == "-")
-        throw InputError("--stream -: view prints its address on standard output; expected udp:HOST:PORT");
+        throw InputError(
+            "--stream -: view prints its address on standard output; expected udp:HOST:PORT or websocket:PORT");
     ViewServer server(a.port, a.any_address);
     LiveRun live{a, server};
-    if (!a.stream.target.empty()) live.stream = std::make_unique<Stream>(a.stream);
+    if (!a.stream.target.empty()) {
+        StreamSettings settings = a.stream;
+        settings.any_address = a.any_address, settings.takes_settings = !a.arm;
+        live.stream = std::make_unique<Stream>(settings);
+        tell_address(*live.stream);
+    }
     live.start();
     if (live.hands) std::printf("hands are expected from %s\n", live.hands->source->about().c_str());
     std::printf("open %s   (Ctrl-C ends)\n", server.url().c_str());
@@ -253,6 +260,8 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     while (!stop) {
         for (const ViewCommand& command : server.take_commands())
             if (live.may_obey(command)) live.obey(command.what);
+        if (live.stream)
+            if (const auto settings = live.stream->take_settings(); !settings.empty()) live.set(settings);
         Simulation& s = *live.simulation;
         live.look_at_dead_man();
         const bool single = live.single_steps > 0;

@@ -38,9 +38,21 @@ bool has_hdf5() { return true; }
 
 namespace {
 
-void write_tables(const std::filesystem::path& path, const std::map<std::string, Series>& tables) {
+void write_attribute(const std::filesystem::path& path, hid_t object, const char* name, const std::string& value) {
+    const Handle text(H5Tcopy(H5T_C_S1), H5Tclose, path);
+    H5Tset_size(text, value.size() + 1);
+    H5Tset_cset(text, H5T_CSET_UTF8);
+    const Handle one(H5Screate(H5S_SCALAR), H5Sclose, path);
+    const Handle attribute(H5Acreate2(object, name, text, one, H5P_DEFAULT, H5P_DEFAULT), H5Aclose, path);
+    H5Awrite(attribute, text, value.c_str());
+}
+
+void write_tables(const std::filesystem::path& path, const std::map<std::string, Series>& tables,
+                  const std::map<std::string, std::string>& notes) {
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // what goes wrong is said below
-    const Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose, path);
+    const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, path);
+    H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_LATEST);  // attributes of any size, for scenes
+    const Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose, path);
     const Handle groups(H5Pcreate(H5P_LINK_CREATE), H5Pclose, path);
     H5Pset_create_intermediate_group(groups, 1);
     for (const auto& [name, series] : tables) {
@@ -54,13 +66,19 @@ void write_tables(const std::filesystem::path& path, const std::map<std::string,
                           path);
         if (size[0] > 0 && H5Dwrite(data, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, series.values.data()) < 0)
             throw std::runtime_error(path.string() + ": HDF5 cannot write " + name + " (is the disk full?)");
-        std::string columns;
-        for (const std::string& c : series.columns) columns += (columns.empty() ? "" : ",") + c;
-        const Handle text(H5Tcopy(H5T_C_S1), H5Tclose, path);
-        H5Tset_size(text, columns.size() + 1);
-        const Handle one(H5Screate(H5S_SCALAR), H5Sclose, path);
-        const Handle attribute(H5Acreate2(data, "columns", text, one, H5P_DEFAULT, H5P_DEFAULT), H5Aclose, path);
-        H5Awrite(attribute, text, columns.c_str());
+        std::string columns, units;
+        for (const std::string& c : series.columns) {
+            columns += (columns.empty() ? "" : ",") + c;
+            units += (units.empty() ? "" : ",") + unit_of(c);
+        }
+        write_attribute(path, data, "columns", columns);
+        write_attribute(path, data, "units", units);
+    }
+    for (const auto& [name, text] : notes) {
+        const std::size_t slash = name.rfind('/');
+        const std::string group = slash == std::string::npos ? "/" : name.substr(0, slash);
+        const Handle object(H5Oopen(file, group.c_str(), H5P_DEFAULT), H5Oclose, path);
+        write_attribute(path, object, name.c_str() + (slash == std::string::npos ? 0 : slash + 1), text);
     }
     if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0)
         throw std::runtime_error(path.string() + ": HDF5 cannot write it (is the disk full?)");
@@ -68,11 +86,12 @@ void write_tables(const std::filesystem::path& path, const std::map<std::string,
 
 }  // namespace
 
-void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables) {
+void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables,
+                const std::map<std::string, std::string>& notes) {
     const std::filesystem::path part = path.string() + ".part";
     write_file(part, "");  // says why, where there can be no file
     try {
-        write_tables(part, tables);
+        write_tables(part, tables, notes);
     } catch (...) {
         std::filesystem::remove(part);
         throw;
@@ -92,7 +111,8 @@ namespace palpate {
 
 bool has_hdf5() { return false; }
 
-void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>&) {
+void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>&,
+                const std::map<std::string, std::string>&) {
     throw InputError(path.string() + ": this palpate was built without HDF5; install libhdf5-dev, and build it again");
 }
 

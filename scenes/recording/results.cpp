@@ -7,6 +7,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "scenes/recording/live_tables.h"
 #include "scenes/recording/svg.h"
 
 namespace palpate {
@@ -157,17 +158,15 @@ std::vector<Plot> plots_of(const Simulation& s) {
 
 }  // namespace
 
-void write_results(const fs::path& folder, const Simulation& s, const Summary& summary) {
+void write_results(const fs::path& folder, const Simulation& s, const Summary& summary, bool live) {
     auto add = [&](const std::string& name) { return folder / name; };
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const std::string& name = s.scene.spec.fingers[i].name;
-        write_csv(add(name + ".csv"), s.finger_series[i]);
         write_nodes(add(name + "_nodes.csv"), s.world, s.fingers[i]);
         write_pad(add(name + ".vtu"), s.world, s.fingers[i]);
     }
-    for (const RigidShape& o : s.world.shapes)
-        if (o.body >= 0) write_csv(add("object_" + o.name + ".csv"), s.body_series[std::size_t(o.body)]);
-    write_csv(add("steps.csv"), s.step_series);
+    if (!live)
+        for (const NamedSeries& table : tables_of(s)) write_csv(add(table.file), *table.series);
     write_svg(add("plots.svg"), plots_of(s));
     write_picture(add("picture.svg"), s);
     write_file(add("summary.txt"), to_text(summary));

@@ -9,8 +9,10 @@
 namespace palpate {
 
 /// Writes series (CSV), plots and a picture (SVG), final pads (VTU) and the summary (JSON, text) into `folder`, which
-/// exists: a ResultsFolder's part. Throws as throw_unwritable (mesh_files.h).
-void write_results(const std::filesystem::path& folder, const Simulation& simulation, const Summary& summary);
+/// exists: a ResultsFolder's part. `live`: the series are there (live_tables.h). Throws as throw_unwritable
+/// (mesh_files.h).
+void write_results(const std::filesystem::path& folder, const Simulation& simulation, const Summary& summary,
+                   bool live = false);
 
 /// A finger's mesh where it is now, with displacement, contact force, bone reaction and pressure per node and
 /// principal stretches per element.

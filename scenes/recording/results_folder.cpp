@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* manifest = "files.json";
-const std::string part_prefix = ".palpate-part-";
+const std::string part_prefix = "palpate-unfinished-";
 
 /// What tells whether a file is still the one that was written.
 struct Stamp {
@@ -75,16 +75,20 @@ void move_file(const fs::path& from, const fs::path& to) {
     if (error) throw_unwritable(to, error.value());
 }
 
-/// Removes what processes that are gone have left unfinished.
-void remove_leftovers(const fs::path& folder) {
+/// Removes what processes that are gone have left unfinished; how many did.
+int remove_leftovers(const fs::path& folder) {
     std::error_code error;
+    int removed = 0;
     for (const auto& entry : fs::directory_iterator(folder, error)) {
         const std::string name = entry.path().filename().string();
-        if (!name.starts_with(part_prefix)) continue;
+        if (!name.starts_with(part_prefix) ||
+            name.find_first_not_of("0123456789", part_prefix.size()) != std::string::npos)
+            continue;
         const int process = std::atoi(name.c_str() + part_prefix.size());
         if (process > 0 && (process == ::getpid() || (::kill(process, 0) != 0 && errno == ESRCH)))
-            fs::remove_all(entry.path(), error);
+            removed += fs::remove_all(entry.path(), error) > 0;
     }
+    return removed;
 }
 
 std::string count_of(std::size_t n) { return std::to_string(n) + (n == 1 ? " file" : " files"); }
@@ -107,7 +111,7 @@ ResultsFolder::ResultsFolder(fs::path folder)
     std::error_code error;
     is_new_ = !fs::exists(folder_, error);
     fs::create_directories(folder_, error);
-    if (!error) remove_leftovers(folder_);
+    if (!error) leftovers_ = remove_leftovers(folder_);
     if (!error) fs::create_directory(part_, error);
     if (error) throw_unwritable(folder_, error.value());
 }
@@ -153,6 +157,7 @@ std::vector<std::string> ResultsFolder::finish() {
             entry.is_regular_file() && name != manifest && !now.contains(name) && !changed.contains(name))
             others.insert(name);
     std::vector<std::string> said;
+    if (leftovers_ > 0) said.push_back("removes what a run that was killed had left unfinished");
     if (!replaced.empty() || !removed.empty())
         said.push_back("replaces the results that were there" +
                        (removed.empty() ? std::string()

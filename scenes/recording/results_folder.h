@@ -7,9 +7,9 @@
 
 namespace palpate {
 
-/// Files are written into a hidden folder inside (`part`), and moved to their names when all are complete. `files.json`
-/// lists what was written, with size and time: what a later run has no file for is removed then, unless somebody has
-/// changed it since. Other files are left alone.
+/// Files are written into a folder inside ("palpate-unfinished-PROCESS", `part`), which a process that is killed leaves
+/// behind, and moved to their names when all are complete. `files.json` lists what was written, with size and time:
+/// what a later run has no file for is removed then, unless somebody has changed it since. Other files are left alone.
 class ResultsFolder {
   public:
     /// Throws as throw_unwritable (mesh_files.h).
@@ -28,6 +28,7 @@ class ResultsFolder {
   private:
     std::filesystem::path folder_, part_;
     bool is_new_;
+    int leftovers_ = 0;  ///< of processes that were killed
     std::size_t files_ = 0;
 };
 

@@ -2,6 +2,7 @@
 // Time series of a run, sized beforehand so that recording does not allocate.
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,13 @@ struct Series {
     void reserve(std::size_t rows) { values.reserve(rows * columns.size()); }
 };
 
-/// Comma-separated values with a header line; full precision.
+/// Comma-separated values with a header line; 12 digits.
 void write_csv(const std::filesystem::path& path, const Series& series);
+/// Pieces of such a file: its first line, and lines of rows.
+void append_header(std::string& out, const Series& series);
+void append_rows(std::string& out, std::span<const double> values, std::size_t columns);
+
+/// The unit that a column's name ends with ("mm" of "bone_x_mm"), as HDF5 readers know it; "1" where it has none.
+std::string unit_of(const std::string& column);
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -19,7 +20,9 @@
 #include "devices/loop/clock.h"
 #include "meshes/input_error.h"
 #include "scenes/stream/stream_message.h"
+#include "scenes/web/access.h"
 #include "scenes/web/bounded_json.h"
+#include "scenes/web/server.h"
 
 namespace palpate {
 
@@ -32,7 +35,8 @@ constexpr std::size_t largest_datagram = 65000;
 using Commanded = std::map<std::string, std::optional<Pose<double>>>;
 
 int connected_socket(const std::string& target) {
-    const std::string where = "--stream " + target + ": expected udp:HOST:PORT, or - for standard output";
+    const std::string where =
+        "--stream " + target + ": expected udp:HOST:PORT, websocket:PORT, or - for standard output";
     const std::size_t colon = target.rfind(':');
     if (!target.starts_with("udp:") || colon <= 4 || colon + 1 >= target.size()) throw InputError(where);
     const std::string host = target.substr(4, colon - 4), port = target.substr(colon + 1);
@@ -52,6 +56,14 @@ int connected_socket(const std::string& target) {
     const int room = 1 << 20;
     setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &room, sizeof room);
     return socket;
+}
+
+int websocket_port(const std::string& target) {
+    const std::string text = target.substr(std::string_view("websocket:").size());
+    const bool digits = !text.empty() && text.size() <= 5 && text.find_first_not_of("0123456789") == std::string::npos;
+    if (!digits || std::stoi(text) > 65535)
+        throw InputError("--stream " + target + ": expected websocket:PORT with a port of 0 (any free one) to 65535");
+    return std::stoi(text);
 }
 
 /// Seven finite numbers with a rotation that is none of zero.
@@ -75,16 +87,18 @@ bool read_pose(const nlohmann::json& j, Pose<double>& pose) {
 /// A ring from the step to the thread that writes; the step never waits.
 struct Stream::Work {
     StreamSettings settings;
-    int socket = -1;  ///< -1: standard output
+    int socket = -1;                 ///< of UDP
+    std::unique_ptr<WebServer> web;  ///< of WebSockets; neither: standard output
     StreamNames names;
     static constexpr std::uint64_t ring = 64;
     std::array<StreamNumbers, ring> steps;
     std::atomic<std::uint64_t> written{0}, taken{0};  ///< steps ever put in, and taken out
-    std::atomic<bool> ending{false}, samples{false}, paused{false}, cut{false};
+    std::atomic<bool> ending{false}, samples{false}, paused{false}, cut{false}, came{false};
     std::atomic<std::int64_t> told{0}, sent{0}, left_out{0}, commands{0}, wrong{0};
     double next = 0;  ///< simulated time of the next line [s]
     std::mutex lock;  ///< of the commanded poses; the step does not wait for it
     Commanded fingers, objects;
+    std::vector<std::string> wanted_settings;
     std::atomic<std::uint64_t> commanded{0};  ///< changes of these
     std::uint64_t obeyed = 0;                 ///< of the step: what it has of them
     Commanded fingers_now, objects_now;
@@ -94,6 +108,12 @@ struct Stream::Work {
     ~Work() {
         ending = true;
         if (sender.joinable()) sender.join();
+        if (web) {
+            web->drop_clients();
+            while (web->clients() > 0 && Clock::now() < last_chance)
+                std::this_thread::sleep_for(std::chrono::milliseconds(2));
+            web.reset();
+        }
         if (receiver.joinable()) receiver.join();
         if (socket >= 0) close(socket);
     }
@@ -123,7 +143,44 @@ struct Stream::Work {
                 append_line(steps[at % ring], names, false, line);
             }
             taken.store(at + 1, std::memory_order_release);
-            if (socket >= 0 ? send_datagram(line) : write_line(line)) ++sent;
+            if (web ? send_message(line) : socket >= 0 ? send_datagram(line) : write_line(line)) ++sent;
+        }
+    }
+    bool send_message(std::string& line) {
+        line.pop_back();  // the message ends the line
+        if (web->clients() > 0) web->send_text(line);
+        return web->clients() > 0;
+    }
+    /// Like the viewer's page: who connects knows the token; pages are those of this machine, unless others are asked
+    /// in.
+    bool accepts(const HttpHead& head) const {
+        const std::string origin = head.field("origin");
+        return head.path() == "/stream" && same_token(query_value(head.query(), "token"), settings.token) &&
+               (origin.empty() || settings.any_address || is_local_origin(origin));
+    }
+    void listen() {
+        if (settings.token.empty()) settings.token = random_token();
+        if (settings.token.size() < 8 ||
+            !std::all_of(settings.token.begin(), settings.token.end(),
+                         [](unsigned char c) { return std::isalnum(c) || c == '-' || c == '_'; }))
+            throw InputError("--stream-token: expected 8 or more letters, digits, - or _");
+        WebHandlers handlers;
+        handlers.accepts = [this](const HttpHead& head, const WebPeer&) {
+            const bool welcome = accepts(head);
+            if (welcome) came = true;
+            return welcome;
+        };
+        handlers.message = [this](const WebPeer&, const std::string& text) {
+            ++(take_command(text) ? commands : wrong);
+            return true;
+        };
+        WebLimits limits;
+        limits.skip_bytes = 256 << 10;
+        try {
+            web = std::make_unique<WebServer>(websocket_port(settings.target), settings.any_address,
+                                              std::move(handlers), limits);
+        } catch (const InputError& error) {
+            throw InputError("--stream " + settings.target + ": " + error.messages.front());
         }
     }
     bool send_datagram(const std::string& line) {
@@ -173,6 +230,13 @@ struct Stream::Work {
             if (j.contains(key) && j[key].is_boolean()) *flag = j[key].get<bool>(), known = true;
         known |= take_pose(j, "finger", true, fingers);
         known |= take_pose(j, "object", false, objects);
+        if (settings.takes_settings && j.contains("set") && j["set"].is_array()) {
+            const std::lock_guard guard(lock);
+            for (const auto& setting : j["set"])
+                if (setting.is_string() && wanted_settings.size() < 1000)
+                    wanted_settings.push_back(setting.get<std::string>()), known = true;
+            ++commanded;
+        }
         return known;
     }
     bool take_pose(const nlohmann::json& j, const char* what, bool may_be_unseen, Commanded& all) {
@@ -210,7 +274,10 @@ void obey(Stream& stream, Simulation& s, StepInputs& inputs, const std::atomic<b
 Stream::Stream(const StreamSettings& settings) : work_(std::make_unique<Work>()) {
     work_->settings = settings;
     work_->samples = settings.samples;
-    if (settings.target != "-") work_->socket = connected_socket(settings.target);
+    if (settings.target.starts_with("websocket:"))
+        work_->listen();
+    else if (settings.target != "-")
+        work_->socket = connected_socket(settings.target);
 }
 
 Stream::~Stream() {
@@ -265,7 +332,20 @@ void Stream::command(const Simulation& s, StepInputs& inputs) {
     }
 }
 
-bool Stream::paused() const { return work_->paused; }
+std::vector<std::string> Stream::take_settings() {
+    const std::unique_lock guard(work_->lock, std::try_to_lock);
+    return guard ? std::exchange(work_->wanted_settings, {}) : std::vector<std::string>{};
+}
+
+std::string Stream::address() const {
+    const Work& w = *work_;
+    return w.web ? "ws://127.0.0.1:" + std::to_string(w.web->port()) + "/stream?token=" + w.settings.token : "";
+}
+
+bool Stream::paused() const {
+    const Work& w = *work_;
+    return w.paused || (w.settings.waits && w.web && !w.came);
+}
 
 StreamCounts Stream::counts() const {
     const Work& w = *work_;

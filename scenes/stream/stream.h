@@ -1,8 +1,8 @@
 #pragma once
 // What fingers feel, told to other programs while a scene runs, and poses from them: a line of JSON a step
-// (stream_message.h), to standard output, or as datagrams of UDP, whose answers are commands. The step hands numbers
-// over and goes on; a thread of its own writes and sends them. Where that, or whoever reads, is slower than the steps,
-// steps are left out, the oldest first.
+// (stream_message.h), to standard output, as datagrams of UDP, or as messages of WebSockets, whose answers are
+// commands. The step hands numbers over and goes on; a thread of its own writes and sends them. Where that, or whoever
+// reads, is slower than the steps, steps are left out, the oldest first.
 
 #include <cstdint>
 #include <memory>
@@ -13,9 +13,13 @@
 namespace palpate {
 
 struct StreamSettings {
-    std::string target;    ///< "udp:HOST:PORT", or "-": standard output
-    double rate = 0;       ///< lines per simulated second at most; 0: one a step
-    bool samples = false;  ///< with places and forces of every sample
+    std::string target;        ///< "udp:HOST:PORT", "websocket:PORT" (0: any free one), or "-": standard output
+    std::string token;         ///< that a WebSocket must know; empty: one is made
+    double rate = 0;           ///< lines per simulated second at most; 0: one a step
+    bool samples = false;      ///< with places and forces of every sample
+    bool any_address = false;  ///< WebSockets of other machines, too
+    bool waits = false;        ///< the first step waits until a WebSocket is there
+    bool takes_settings = false;
 };
 
 struct StreamCounts {
@@ -42,7 +46,11 @@ class Stream {
     void tell(const Simulation& simulation);
     /// Puts poses that were commanded into the inputs of the next step. Does not wait.
     void command(const Simulation& simulation, StepInputs& inputs);
-    /// Whether somebody has asked to pause.
+    /// Settings that were commanded since the last time ("key=value"). Does not wait.
+    std::vector<std::string> take_settings();
+    /// Where WebSockets connect; empty for other targets.
+    std::string address() const;
+    /// Whether somebody has asked to pause, or the first reader is awaited.
     bool paused() const;
     StreamCounts counts() const;
 

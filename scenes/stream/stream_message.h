@@ -14,6 +14,7 @@
 // Commands, in the other direction, likewise:
 //   {"pause": true}   {"finger": "index", "pose": pose or null (not seen)}   {"object": "ball", "pose": pose}
 //   {"finger": "index", "release": true}   {"object": "ball", "release": true}   {"samples": true}
+//   {"set": ["key=value"]}    of a view whose thimbles are not armed
 // Nothing that is sent arms a thimble.
 
 #include <string>

@@ -236,7 +236,8 @@ void WebServer::State::hand_out() {
     for (Connection& c : connections) {
         if (c.stage != Connection::Stage::socket || c.ending) continue;
         const bool was_drained = c.drained();
-        for (const std::string& text : fresh) append_message(c.out, Opcode::text, bytes_of(text));
+        for (const std::string& text : fresh)
+            if (c.out.size() - c.sent <= limits.skip_bytes) append_message(c.out, Opcode::text, bytes_of(text));
         if (last_word) append_message(c.out, Opcode::close, {}), c.ending = true;
         if (c.out.size() - c.sent > limits.waiting_bytes + current.size()) c.closed = true;
         if (was_drained && c.frame != current_number) {
@@ -248,6 +249,10 @@ void WebServer::State::hand_out() {
 }
 
 void WebServer::State::flush(Connection& c) {
+    if (c.sent > limits.waiting_bytes) {  // one who is always a little behind must not fill the memory
+        c.out.erase(c.out.begin(), c.out.begin() + std::ptrdiff_t(c.sent));
+        c.sent = 0;
+    }
     while (!c.drained()) {
         const ssize_t n = ::send(c.fd, c.out.data() + c.sent, c.out.size() - c.sent, MSG_NOSIGNAL);
         if (n < 0 && errno != EAGAIN && errno != EINTR) c.closed = true;

@@ -11,13 +11,14 @@
 namespace palpate {
 
 struct WebLimits {
-    std::size_t connections = 64;         ///< a new one beyond them ends the oldest that is no WebSocket yet
-    std::size_t sockets = 8;              ///< WebSockets
-    std::size_t request_bytes = 8192;     ///< of a request's head
-    std::size_t message_bytes = 65536;    ///< of a message from a client; a longer one ends its connection
-    std::size_t waiting_bytes = 4 << 20;  ///< of texts for a client that does not read; more end its connection
-    double request_s = 2;                 ///< from connecting to the end of the request
-    double response_s = 30;               ///< for the page; and for a client that does not read to read something
+    std::size_t connections = 64;              ///< a new one beyond them ends the oldest that is no WebSocket yet
+    std::size_t sockets = 8;                   ///< WebSockets
+    std::size_t request_bytes = 8192;          ///< of a request's head
+    std::size_t message_bytes = 65536;         ///< of a message from a client; a longer one ends its connection
+    std::size_t waiting_bytes = 4 << 20;       ///< of texts for a client that does not read; more end its connection
+    std::size_t skip_bytes = std::size_t(-1);  ///< of texts that wait: a client that is behind by more gets no new ones
+    double request_s = 2;                      ///< from connecting to the end of the request
+    double response_s = 30;                    ///< for the page; and for a client that does not read to read something
 };
 
 /// Where a WebSocket's messages come from.
@@ -47,7 +48,7 @@ class WebServer {
     int port() const;
     /// WebSockets now.
     int clients() const;
-    /// To every client, in order.
+    /// To every client, in order; those who are behind miss some (skip_bytes).
     void send_text(const std::string& text);
     /// To every client that has read what it was sent before; others get the newest once they have. Takes the bytes,
     /// and gives back other memory.

@@ -20,11 +20,56 @@ def rows_of(folder):
     return [dict(zip(names, map(float, line.split(",")))) for line in lines[1:]]
 
 
+STREAMS = []
+
+
+class WebSocket:
+    """As little of RFC 6455 as a reader needs."""
+
+    def __init__(self, address, origin=None):
+        host, port, path = re.fullmatch(r"ws://([^:]+):(\d+)(/.*)", address).groups()
+        self.s = socket.create_connection((host, int(port)), timeout=20)
+        head = f"GET {path} HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        head += "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+        self.s.sendall((head + (f"Origin: {origin}\r\n" if origin else "") + "\r\n").encode())
+        STREAMS.append(self.s)
+        self.rest, answer = b"", b""
+        while b"\r\n\r\n" not in answer:
+            got = self.s.recv(4096)
+            if not got:
+                break
+            answer += got
+        answer, _, self.rest = answer.partition(b"\r\n\r\n")
+        self.accepted = b" 101 " in answer
+
+    def take(self, n):
+        while len(self.rest) < n:
+            got = self.s.recv(65536)
+            if not got:
+                raise EOFError
+            self.rest += got
+        taken, self.rest = self.rest[:n], self.rest[n:]
+        return taken
+
+    def read(self):
+        """The next text; None: the other end has closed."""
+        first, size = self.take(2)
+        if size >= 126:
+            size = int.from_bytes(self.take(2 if size == 126 else 8), "big")
+        payload = self.take(size)
+        return None if first & 15 == 8 else json.loads(payload)
+
+    def say(self, **what):
+        text = json.dumps(what).encode()
+        self.s.sendall(bytes([0x81, 0x80 | len(text)]) + b"\0\0\0\0" + text)
+
+
 class Stream(unittest.TestCase):
     def setUp(self):
         scratch = tempfile.TemporaryDirectory()
         self.addCleanup(scratch.cleanup)
         self.folder = pathlib.Path(scratch.name) / "out"
+        self.addCleanup(lambda: [STREAMS.pop().close() for _ in list(STREAMS)])
 
     def command(self, *arguments, duration="0.3"):
         return [PROGRAM, "run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--duration", duration, "--threads", "1",
@@ -111,6 +156,69 @@ class Stream(unittest.TestCase):
         replayed = subprocess.run([PROGRAM, "replay", record], capture_output=True, text=True)
         self.assertEqual(0, replayed.returncode, replayed.stdout)
 
+    def websocket_run(self, *arguments, duration="0.3", program=None):
+        ran = subprocess.Popen(program or self.command("--quiet", "--stream", "websocket:0", "--stream-wait", *arguments,
+                               duration=duration), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+        self.addCleanup(ran.stdout.close)
+        self.addCleanup(ran.stderr.close)
+        self.addCleanup(ran.wait)
+        self.addCleanup(ran.kill)
+        for line in ran.stderr:
+            if line.startswith("stream: "):
+                return ran, line.split()[1]
+        self.fail("no address")
+
+    def test_websockets_read_and_command(self):
+        ran, address = self.websocket_run(duration="1")
+        s = WebSocket(address)
+        lines = []
+        while line := s.read():
+            lines.append(line)
+            if len(lines) == 1:
+                s.say(pause=True)
+                s.say(finger="index", pose=[0.002, 0, 0.012, 1, 0, 0, 0])
+                s.say(samples=True)
+                s.say(pause=False)
+        self.assertEqual(0, ran.wait(timeout=60))
+        self.assertGreater(len(lines), 50)
+        self.assertAlmostEqual(1, lines[-1]["time"])  # to the end, in order, and closed as it should be
+        self.assertEqual(sorted(line["step"] for line in lines), [line["step"] for line in lines])
+        self.assertEqual([0.002, 0, 0.012, 1, 0, 0, 0], lines[-1]["fingers"][0]["tracked"])
+        self.assertIn("samples", lines[-1]["fingers"][0])
+
+    def test_websockets_need_the_token_and_a_page_of_this_machine(self):
+        ran, address = self.websocket_run("--stream-token", "a-token-of-mine")
+        self.assertTrue(address.endswith("/stream?token=a-token-of-mine"))
+        for wrong in (address[:-1], address.replace("stream?", "other?"), address.split("?")[0]):
+            self.assertFalse(WebSocket(wrong).accepted)
+        self.assertFalse(WebSocket(address, origin="http://evil.example").accepted)
+        self.assertFalse(WebSocket(address, origin="http://localhost.evil.example").accepted)
+        self.assertIsNone(ran.poll())  # it still waits
+        page = WebSocket(address, origin="http://localhost:8000")
+        self.assertTrue(page.accepted)
+        page.s.close()  # who goes away ends nothing
+        self.assertEqual(0, ran.wait(timeout=60))
+        self.assertEqual(300, len(rows_of(self.folder)))
+
+    def test_websockets_that_do_not_read_do_not_slow_the_steps(self):
+        ran, address = self.websocket_run("--stream-samples", duration="3")
+        s = WebSocket(address)
+        self.assertTrue(s.accepted)
+        self.assertEqual(0, ran.wait(timeout=60))
+        self.assertEqual(3000, len(rows_of(self.folder)))
+
+    def test_a_view_takes_settings_over_a_websocket(self):
+        view, address = self.websocket_run(program=[PROGRAM, "view", str(ROOT / "scenes/press.toml"), "--port", "0", "--stream",
+                                                    "websocket:0", "--stream-rate", "100"])  # fmt: skip
+        s = WebSocket(address)
+        before = s.read()
+        s.say(finger="index", pose=before["fingers"][0]["tracked"])
+        s.say(set=["solver.preset=fast"])
+        s.say(set=["object.table.no_such_key=1"])  # refused, and said on the page
+        for _ in range(20):
+            after = s.read()
+        self.assertGreater(after["step"], before["step"])
+
     def test_a_view_streams_and_obeys_too(self):
         s, target = self.udp()
         view = subprocess.Popen([PROGRAM, "view", str(ROOT / "scenes/press.toml"), "--port", "0", "--stream", target,
@@ -160,6 +268,12 @@ class Stream(unittest.TestCase):
         self.assertEqual(expected, (self.folder / "index.csv").read_text())
 
     def test_wrong_targets_are_said(self):
+        for target in ("websocket:", "websocket:x", "websocket:70000"):
+            ran = subprocess.run(self.command("--stream", target), capture_output=True, text=True)
+            self.assertEqual(2, ran.returncode)
+            self.assertIn("expected websocket:PORT", ran.stderr)
+        ran = subprocess.run(self.command("--stream", "websocket:0", "--stream-token", "short"), capture_output=True, text=True)
+        self.assertIn("--stream-token: expected 8", ran.stderr)
         for target in ("udp:5006", "tcp:127.0.0.1:5006", "udp:nowhere.invalid:1", "udp:127.0.0.1:none"):
             ran = subprocess.run(self.command("--stream", target), capture_output=True, text=True)
             self.assertEqual(2, ran.returncode)

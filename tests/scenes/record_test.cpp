@@ -8,6 +8,7 @@
 #include <random>
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
 #include "scenes/recording/hdf5_file.h"
 #include "scenes/recording/run_file.h"
 #include "tests/support.h"
@@ -74,6 +75,9 @@ TEST(Record, ConvertsToTablesAndPads) {
         h5.read(head, 4);
         EXPECT_EQ(std::string(head, 4), "\x89HDF");
         EXPECT_GT(std::filesystem::file_size(out + ".h5"), 5000u);
+        const std::string bytes = read_file(out + ".h5");
+        for (const char* text : {"s,1,s,mm,mm,mm,1,1,1,1,N,N,N", "scene_text", "settings", "duration_s = "})
+            EXPECT_NE(bytes.find(text), std::string::npos) << text;
     }
     EXPECT_EQ(palpate_program("convert " + file), 2) << "to what?";
     EXPECT_EQ(palpate_program("convert " + file + " --hdf5 /nowhere/x.h5"), 2);

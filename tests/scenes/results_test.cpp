@@ -79,12 +79,37 @@ TEST(Results, WhatIsNotFinishedLeavesTheFolderAsItWas) {
     }
     EXPECT_EQ(names_in(out), before);
     // What a process that was killed has left goes with the next run.
-    fs::create_directory(out / ".palpate-part-99999998");
-    write_file(out / ".palpate-part-99999998" / "half.csv", "half");
+    fs::create_directory(out / "palpate-unfinished-99999998");
+    write_file(out / "palpate-unfinished-99999998" / "half.csv", "half");
     fill(out, {"index.csv"});
-    EXPECT_FALSE(fs::exists(out / ".palpate-part-99999998"));
+    EXPECT_FALSE(fs::exists(out / "palpate-unfinished-99999998"));
     { ResultsFolder fresh(scratch.path / "fresh"); }
     EXPECT_FALSE(fs::exists(scratch.path / "fresh"));
+}
+
+TEST(Results, AKilledRunLeavesItsTables) {
+    testing::ScratchFolder scratch;
+    const fs::path out = scratch.path / "out";
+    const std::string run = testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out.string();
+    // Killed after some seconds of a run that would take far longer.
+    testing::shell(run + " --duration 10000 --set dt_ms=5 --set solver.preset=fast & sleep 4; kill -KILL $!; wait $!");
+    fs::path left;
+    for (const auto& entry : fs::directory_iterator(out)) left = entry.path();
+    ASSERT_TRUE(left.filename().string().starts_with("palpate-unfinished-")) << left;
+    EXPECT_TRUE(fs::exists(left / "UNFINISHED.txt"));
+    EXPECT_FALSE(fs::exists(out / "summary.json"));
+    const std::string table = read_file(left / "index.csv"), steps = read_file(left / "steps.csv");
+    EXPECT_GT(std::count(table.begin(), table.end(), '\n'), 100);
+    EXPECT_GT(std::count(steps.begin(), steps.end(), '\n'), 100);
+    // The next one removes it, says so, and begins with the same rows.
+    const auto next = testing::shell(testing::program_path() + " run " + scenes + "press.toml --out " + out.string() +
+                                     " --duration 0.1 --set dt_ms=5 --set solver.preset=fast");
+    EXPECT_EQ(next.code, 0);
+    EXPECT_NE(next.out.find("removes what a run that was killed had left unfinished"), std::string::npos) << next.out;
+    EXPECT_FALSE(fs::exists(left));
+    const std::string whole = read_file(out / "index.csv");
+    EXPECT_EQ(whole, table.substr(0, whole.size()));
+    EXPECT_NE(whole.find(",bone_qw,bone_qx,bone_qy,bone_qz\n"), std::string::npos);
 }
 
 TEST(Results, OfARunReplaceThoseOfAnotherScene) {
