@@ -104,12 +104,6 @@ std::int32_t fail_no_world(PalpateWorld world) noexcept {
                                                 : "there is no such world, or it has been destroyed");
 }
 
-std::int32_t fail_no_row(const char* what, std::size_t count, std::int32_t index) noexcept {
-    char text[120];
-    std::snprintf(text, sizeof text, "there is no %s %d: the world has %zu, counted from 0", what, int(index), count);
-    return fail(PALPATE_ERROR_ARGUMENT, text);
-}
-
 std::int32_t discard(PalpateWorld world) {
     std::uint32_t generation = 0;
     const std::int64_t at = slot_of(world, generation);

@@ -49,7 +49,6 @@ class Use {
     Session* session_ = nullptr;
 };
 std::int32_t fail_no_world(PalpateWorld world) noexcept;
-std::int32_t fail_no_row(const char* what, std::size_t count, std::int32_t index) noexcept;
 
 /// The same as the one thread that steps, reads views, saves. Not sole where another one is.
 class Owner {

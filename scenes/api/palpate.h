@@ -145,7 +145,7 @@ enum {
     PALPATE_TEXT_WARNINGS = 1, /* what was accepted, but is likely a mistake: one a line */
     PALPATE_TEXT_SETTINGS = 2, /* one a line */
     PALPATE_TEXT_FOLDER = 3,   /* where files that the scene names are */
-    PALPATE_TEXT_FINGER = 4,   /* name of finger `index` */
+    PALPATE_TEXT_FINGER = 4,   /* name of the finger with id `index` */
     PALPATE_TEXT_OBJECT = 5,
     PALPATE_TEXT_THIMBLE = 6, /* kind of the device of thimble `index` */
     PALPATE_TEXT_FILE = 7     /* of the scene; empty where it was given as text */
@@ -153,13 +153,34 @@ enum {
 /* Copies a text with its final zero; `needed` (may be NULL) is its size. With capacity 0 the size alone. */
 PALPATE_API int32_t palpate_get_text(PalpateWorld world, int32_t text, int32_t index, char* buffer, int64_t capacity,
                                      int64_t* needed);
-/* Number of a finger or object by its name. */
+/* Id of a finger or object by its name. */
 PALPATE_API int32_t palpate_find_finger(PalpateWorld world, const char* name, int32_t* finger);
 PALPATE_API int32_t palpate_find_object(PalpateWorld world, const char* name, int32_t* object);
 
 /* Changes settings while it runs ("finger.index.material.young_kPa=40"), which takes milliseconds. Not those that build
    another mesh, or other fingers, objects or thimbles: PALPATE_ERROR_STATE, and a new world is the remedy. */
 PALPATE_API int32_t palpate_set(PalpateWorld world, const char* const* settings, int32_t count);
+
+/* ---- Fingers, objects and thimbles, their ids, and how they come and go ---- */
+
+/* A world begins with fingers, objects and thimbles 0, 1, 2, ... Those that are added later get ids of their own; ids
+   of removed ones are errors from then on. */
+enum { PALPATE_FINGERS = 0, PALPATE_OBJECTS = 1, PALPATE_THIMBLES = 2 };
+/* Their ids, in the order of rows of the world's views; `count` (may be NULL) becomes their number. With capacity 0
+   nothing else happens. */
+PALPATE_API int32_t palpate_list(PalpateWorld world, int32_t what, int32_t* ids, int32_t capacity, int32_t* count);
+
+/* Between steps; tens of milliseconds, more where a mesh is made. The others go on with the same bits, unless what is
+   new is the first of its kind (the first body, the first friction): then they find their contacts anew, which is felt
+   for a few steps. What is added must not lie inside what is there. Views of the world, and of what was removed, must
+   be asked for anew; old ones can be read still, but say nothing. Not while it records, nor in a replay. */
+PALPATE_API int32_t palpate_add_finger(PalpateWorld world, const PalpateFingerDef* def, int32_t* finger);
+PALPATE_API int32_t palpate_remove_finger(PalpateWorld world, int32_t finger);
+PALPATE_API int32_t palpate_add_object(PalpateWorld world, const PalpateObjectDef* def, int32_t* object);
+PALPATE_API int32_t palpate_remove_object(PalpateWorld world, int32_t object);
+/* The simulated thimble that a finger wears, instead of the one that it wore; NULL: none. `method` of its matching, or
+   NULL. Its id is the one that palpate_list has anew. */
+PALPATE_API int32_t palpate_set_thimble(PalpateWorld world, int32_t finger, const char* kind, const char* method);
 
 /* ---- Inputs ---- */
 
@@ -223,8 +244,9 @@ typedef struct PalpateView {
     int64_t generation; /* of the world, as the view was filled */
     const void* data;   /* read only; stays in its place as long as the world lives */
 } PalpateView;
-/* Shows a field of finger or thimble `index`, or of the world (-1), without a copy. A field that has been asked for
-   once is filled anew by every palpate_step, _restore and _set: keep the view, and its data are the newest. */
+/* Shows a field of the finger or thimble with id `index`, or of the world (-1), without a copy. A field that has been
+   asked for once is filled anew by every palpate_step, _restore and _set: keep the view, and its data are the newest.
+ */
 PALPATE_API int32_t palpate_view(PalpateWorld world, int32_t field, int32_t index, PalpateView* view);
 
 typedef struct PalpateFingerState {

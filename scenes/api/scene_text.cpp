@@ -59,8 +59,7 @@ void put_pose(std::ostream& out, const double* p, const std::string& who, const 
     put_vector(out, "rotation_deg", degrees * roll, degrees * pitch, degrees * yaw);
 }
 
-void put_finger(std::ostream& out, const PalpateFingerDef* given, std::int32_t i) {
-    const std::string who = "finger " + std::to_string(i);
+void put_finger(std::ostream& out, const PalpateFingerDef* given, const std::string& who) {
     PalpateFingerDef f{};
     palpate_default_finger_def(&f, sizeof f);
     if (!read_struct(given, f)) throw InputError(who + ": " + wrong_size);
@@ -78,9 +77,8 @@ void put_finger(std::ostream& out, const PalpateFingerDef* given, std::int32_t i
     out << " } ]\n";
 }
 
-void put_object(std::ostream& out, const PalpateObjectDef* given, std::int32_t i) {
+void put_object(std::ostream& out, const PalpateObjectDef* given, const std::string& who) {
     static constexpr const char* shapes[] = {"plane", "box", "sphere", "capsule", "cylinder", "mesh"};
-    const std::string who = "object " + std::to_string(i);
     PalpateObjectDef o{};
     palpate_default_object_def(&o, sizeof o);
     if (!read_struct(given, o)) throw InputError(who + ": " + wrong_size);
@@ -112,6 +110,18 @@ const Struct* entry(const Struct* list, std::int32_t i) {
 
 }  // namespace
 
+std::string finger_text(const PalpateFingerDef* def, const std::string& name) {
+    std::ostringstream out;
+    put_finger(out, def, name);
+    return out.str();
+}
+
+std::string object_text(const PalpateObjectDef* def, const std::string& name) {
+    std::ostringstream out;
+    put_object(out, def, name);
+    return out.str();
+}
+
 std::string scene_text(const PalpateSceneDef& given) {
     PalpateSceneDef scene{};
     palpate_default_scene_def(&scene, sizeof scene);
@@ -129,8 +139,10 @@ std::string scene_text(const PalpateSceneDef& given) {
     out << "\n";
     if (scene.more) out << scene.more << "\n";
     if (scene.preset) out << "[solver]\npreset = " << quoted(scene.preset) << "\n";
-    for (std::int32_t i = 0; i < scene.object_count; ++i) put_object(out, entry(scene.objects, i), i);
-    for (std::int32_t i = 0; i < scene.finger_count; ++i) put_finger(out, entry(scene.fingers, i), i);
+    for (std::int32_t i = 0; i < scene.object_count; ++i)
+        put_object(out, entry(scene.objects, i), "object " + std::to_string(i));
+    for (std::int32_t i = 0; i < scene.finger_count; ++i)
+        put_finger(out, entry(scene.fingers, i), "finger " + std::to_string(i));
     return out.str();
 }
 

@@ -14,14 +14,30 @@ using namespace palpate::api;
 
 namespace palpate::api {
 
-void PoseInput::set(std::int64_t new_kind, const double* numbers) {
+std::uint32_t PoseInput::lock() {
     std::uint32_t v = version.load(std::memory_order_relaxed);
     while (v % 2 == 1 || !version.compare_exchange_weak(v, v + 1, std::memory_order_acquire))
         v = version.load(std::memory_order_relaxed);
-    kind.store(new_kind, std::memory_order_release);
-    if (numbers)
+    return v;
+}
+
+bool PoseInput::set(std::int32_t whose, std::int64_t new_kind, const double* numbers) {
+    const std::uint32_t v = lock();
+    const bool still = id.load(std::memory_order_relaxed) == whose;
+    if (still) kind.store(new_kind, std::memory_order_release);
+    if (still && numbers)
         for (std::size_t i = 0; i < pose.size(); ++i) pose[i].store(numbers[i], std::memory_order_release);
     version.store(v + 2, std::memory_order_release);
+    return still;
+}
+
+void PoseInput::give_to(std::int32_t whose, bool moves) {
+    const std::uint32_t v = lock();
+    id.store(whose, std::memory_order_release);
+    moved_by_forces.store(moves, std::memory_order_relaxed);
+    kind.store(released, std::memory_order_release);
+    version.store(v + 2, std::memory_order_release);
+    taken_kind = released;
 }
 
 void PoseInput::take() {
@@ -43,8 +59,8 @@ namespace {
 /// Scripts and recordings, where no pose was set from outside.
 void gather_inputs(Session& s) {
     next_inputs(*s.simulation, s.inputs);
-    for (std::size_t i = 0; i < s.finger_inputs.size(); ++i) {
-        PoseInput& input = s.finger_inputs[i];
+    for (std::size_t i = 0; i < s.fingers.ids.size(); ++i) {
+        PoseInput& input = s.finger_input(i);
         input.take();
         if (input.taken_kind == PoseInput::released) continue;
         TrackerPose::Sample& sample = s.inputs.fingers[i];
@@ -52,10 +68,10 @@ void gather_inputs(Session& s) {
         if (sample.valid) sample.pose = input.taken;
         sample.time = s.world().time + s.world().solver.dt;
     }
-    for (std::size_t i = 0; i < s.object_inputs.size(); ++i) {
-        s.object_inputs[i].take();
-        if (s.object_inputs[i].taken_kind == PoseInput::seen && s.world().shapes[i].body < 0)
-            s.inputs.objects[i] = s.object_inputs[i].taken;
+    for (std::size_t i = 0; i < s.objects.ids.size(); ++i) {
+        PoseInput& input = s.object_input(i);
+        input.take();
+        if (input.taken_kind == PoseInput::seen && s.world().shapes[i].body < 0) s.inputs.objects[i] = input.taken;
     }
 }
 
@@ -132,6 +148,14 @@ std::int32_t read_pose(const double* given, double* pose) {
     return PALPATE_OK;
 }
 
+/// Of fingers, then of objects.
+std::vector<PoseInput*> inputs_of(const Session& s) {
+    std::vector<PoseInput*> all;
+    for (std::size_t i = 0; i < s.fingers.ids.size(); ++i) all.push_back(&s.finger_input(i));
+    for (std::size_t i = 0; i < s.objects.ids.size(); ++i) all.push_back(&s.object_input(i));
+    return all;
+}
+
 }  // namespace
 
 }  // namespace palpate::api
@@ -139,46 +163,41 @@ std::int32_t read_pose(const double* given, double* pose) {
 int32_t palpate_set_finger_pose(PalpateWorld world, int32_t finger, const double* given) {
     Use session(world);
     if (!session) return fail_no_world(world);
-    if (finger < 0 || std::size_t(finger) >= session->finger_inputs.size())
-        return fail_no_row("finger", session->finger_inputs.size(), finger);
+    PoseInput* const input = session->finger_inputs.find(finger);
+    if (!input) return fail_no_part("finger", finger);
     double pose[7];
     if (given)
         if (const int32_t result = read_pose(given, pose); result != PALPATE_OK) return result;
-    session->finger_inputs[std::size_t(finger)].set(given ? PoseInput::seen : PoseInput::unseen,
-                                                    given ? pose : nullptr);
-    return PALPATE_OK;
+    return input->set(finger, given ? PoseInput::seen : PoseInput::unseen, given ? pose : nullptr)
+               ? PALPATE_OK
+               : fail_no_part("finger", finger);
 }
 
 int32_t palpate_release_finger(PalpateWorld world, int32_t finger) {
     Use session(world);
     if (!session) return fail_no_world(world);
-    if (finger < 0 || std::size_t(finger) >= session->finger_inputs.size())
-        return fail_no_row("finger", session->finger_inputs.size(), finger);
-    session->finger_inputs[std::size_t(finger)].set(PoseInput::released, nullptr);
-    return PALPATE_OK;
+    PoseInput* const input = session->finger_inputs.find(finger);
+    return input && input->set(finger, PoseInput::released, nullptr) ? PALPATE_OK : fail_no_part("finger", finger);
 }
 
 int32_t palpate_set_object_pose(PalpateWorld world, int32_t object, const double* given) {
     Use session(world);
     if (!session) return fail_no_world(world);
     if (!given) return fail(PALPATE_ERROR_ARGUMENT, "pose is NULL; palpate_release_object gives an object back");
-    if (object < 0 || std::size_t(object) >= session->object_inputs.size())
-        return fail_no_row("object", session->object_inputs.size(), object);
-    if (session->moved_by_forces[std::size_t(object)])
+    PoseInput* const input = session->object_inputs.find(object);
+    if (!input) return fail_no_part("object", object);
+    if (input->moved_by_forces.load(std::memory_order_relaxed))
         return fail(PALPATE_ERROR_STATE, "forces move this object; give it no mass, and it goes where it is put");
     double pose[7];
     if (const int32_t result = read_pose(given, pose); result != PALPATE_OK) return result;
-    session->object_inputs[std::size_t(object)].set(PoseInput::seen, pose);
-    return PALPATE_OK;
+    return input->set(object, PoseInput::seen, pose) ? PALPATE_OK : fail_no_part("object", object);
 }
 
 int32_t palpate_release_object(PalpateWorld world, int32_t object) {
     Use session(world);
     if (!session) return fail_no_world(world);
-    if (object < 0 || std::size_t(object) >= session->object_inputs.size())
-        return fail_no_row("object", session->object_inputs.size(), object);
-    session->object_inputs[std::size_t(object)].set(PoseInput::released, nullptr);
-    return PALPATE_OK;
+    PoseInput* const input = session->object_inputs.find(object);
+    return input && input->set(object, PoseInput::released, nullptr) ? PALPATE_OK : fail_no_part("object", object);
 }
 
 int32_t palpate_step(PalpateWorld world, int32_t n) {
@@ -232,17 +251,13 @@ int32_t palpate_save(PalpateWorld world, void* buffer, int64_t capacity, int64_t
     return guarded([&] {
         std::vector<std::uint8_t>& state = session->state;
         state.clear();
-        const auto put_all = [&](std::vector<PoseInput>& inputs) {
-            for (PoseInput& input : inputs) {
-                input.take();
-                const auto* kind = reinterpret_cast<const std::uint8_t*>(&input.taken_kind);
-                const auto* pose = reinterpret_cast<const std::uint8_t*>(&input.taken);
-                state.insert(state.end(), kind, kind + sizeof input.taken_kind);
-                state.insert(state.end(), pose, pose + sizeof input.taken);
-            }
-        };
-        put_all(session->finger_inputs);
-        put_all(session->object_inputs);
+        for (PoseInput* input : inputs_of(*session)) {
+            input->take();
+            const auto* kind = reinterpret_cast<const std::uint8_t*>(&input->taken_kind);
+            const auto* pose = reinterpret_cast<const std::uint8_t*>(&input->taken);
+            state.insert(state.end(), kind, kind + sizeof input->taken_kind);
+            state.insert(state.end(), pose, pose + sizeof input->taken);
+        }
         append_state(state, *session->simulation);
         const auto size = std::int64_t(state.size());
         if (needed) *needed = size;
@@ -265,26 +280,22 @@ int32_t palpate_restore(PalpateWorld world, const void* bytes, int64_t size) {
             return fail(PALPATE_ERROR_STATE,
                         "a recording goes on: palpate_end_recording first, a replay could not follow");
         constexpr std::size_t one = sizeof(std::int64_t) + sizeof(Pose<double>);
-        const std::size_t inputs = one * (session->finger_inputs.size() + session->object_inputs.size());
+        const std::size_t inputs = one * (session->fingers.ids.size() + session->objects.ids.size());
         const auto* p = static_cast<const std::uint8_t*>(bytes);
         if (std::size_t(size) < inputs) return fail(PALPATE_ERROR_SCENE, "these bytes are no saved state");
         std::string why;
         if (!restore_state(*session->simulation, p + inputs, std::size_t(size) - inputs, why))
             return fail(PALPATE_ERROR_SCENE, why);
-        const auto take_all = [&](std::vector<PoseInput>& all) {
-            for (PoseInput& input : all) {
-                std::int64_t kind = 0;
-                double given[7], pose[7];
-                std::memcpy(&kind, p, sizeof kind);
-                std::memcpy(given, p + sizeof kind, sizeof given);
-                if (kind < PoseInput::released || kind > PoseInput::unseen || read_pose(given, pose) != PALPATE_OK)
-                    kind = PoseInput::released;
-                input.set(kind, kind == PoseInput::released ? nullptr : pose);
-                p += one;
-            }
-        };
-        take_all(session->finger_inputs);
-        take_all(session->object_inputs);
+        for (PoseInput* input : inputs_of(*session)) {
+            std::int64_t kind = 0;
+            double given[7], pose[7];
+            std::memcpy(&kind, p, sizeof kind);
+            std::memcpy(given, p + sizeof kind, sizeof given);
+            if (kind < PoseInput::released || kind > PoseInput::unseen || read_pose(given, pose) != PALPATE_OK)
+                kind = PoseInput::released;
+            input->set(input->id, kind, kind == PoseInput::released ? nullptr : pose);
+            p += one;
+        }
         show(*session);
         return int32_t(PALPATE_OK);
     });

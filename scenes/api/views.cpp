@@ -213,20 +213,35 @@ void fill_world(const World& w, int field, FieldMemory& m) {
     }
 }
 
-std::size_t memory_index(const Session& s, int field, int index) {
-    return std::size_t(field) * (s.fields.size() / PALPATE_FIELD_COUNT) + std::size_t(index + 1);
-}
-
-void fill(Session& s, int field, int index) {
-    FieldMemory& m = s.fields[memory_index(s, field, index)];
+void fill(Session& s, int field, int row, FieldMemory& m) {
     switch (field_kinds[field].of) {
         case Of::finger:
-            return fill_finger(s.world(), std::size_t(index), field, m);
+            return fill_finger(s.world(), std::size_t(row), field, m);
         case Of::thimble:
-            return fill_thimble(*s.simulation, std::size_t(index), field, m);
+            return fill_thimble(*s.simulation, std::size_t(row), field, m);
         case Of::world:
             return fill_world(s.world(), field, m);
     }
+}
+
+/// Row of an id of a field; -1 where there is none, or the field is the world's.
+int row_of(const Session& s, int field, std::int32_t id) {
+    const Of of = field_kinds[field].of;
+    return of == Of::finger ? s.fingers.row(id) : of == Of::thimble ? s.thimbles.row(id) : -1;
+}
+
+/// Memory of what was removed, large enough to stay where it is: whoever adds and removes for hours fills no memory.
+std::unique_ptr<FieldMemory> reused(Session& s, const FieldMemory& like) {
+    for (auto it = s.old_fields.begin(); it != s.old_fields.end(); ++it) {
+        const FieldMemory& m = **it;
+        if (m.doubles.capacity() < like.doubles.size() || m.integers.capacity() < like.integers.size() ||
+            m.bytes.capacity() < like.bytes.size())
+            continue;
+        std::unique_ptr<FieldMemory> found = std::move(*it);
+        s.old_fields.erase(it);
+        return found;
+    }
+    return nullptr;
 }
 
 PalpateFingerState state_of(const Session& s, std::size_t i) {
@@ -256,21 +271,23 @@ PalpateFingerState state_of(const Session& s, std::size_t i) {
 constexpr std::size_t state_words = (sizeof(PalpateFingerState) + 7) / 8;
 static_assert(sizeof(PalpateFingerState) % 8 == 0);
 
-/// Memory of the ring, once.
+/// Memory of the ring.
 void prepare_snapshots(Session& s) {
-    Snapshots& shots = s.snapshots;
-    if (!shots.first.empty()) return;
+    if (s.snapshots.load(std::memory_order_relaxed)) return;
+    auto shots = std::make_unique<Snapshots>();
+    shots->ids = s.fingers.ids;
     std::size_t words = 0;
     for (const ContactSurface& c : s.world().contact_surfaces) {
-        shots.first.push_back(words);
-        shots.samples.push_back(std::int32_t(c.position.size()));
+        shots->first.push_back(words);
+        shots->samples.push_back(std::int32_t(c.position.size()));
         words += state_words + 6 * c.position.size();
     }
-    for (auto& entry : shots.entries) entry.words = std::vector<std::atomic<std::uint64_t>>(words);
+    for (auto& entry : shots->entries) entry.words = std::vector<std::atomic<std::uint64_t>>(words);
+    s.all_snapshots.push_back(std::move(shots));
 }
 
 void take_snapshot(Session& s) {
-    Snapshots& shots = s.snapshots;
+    Snapshots& shots = *s.all_snapshots.back();
     const std::uint32_t next = (shots.newest.load(std::memory_order_relaxed) + 1) % Snapshots::ring;
     Snapshots::Entry& entry = shots.entries[next];
     const std::uint32_t version = entry.version.load(std::memory_order_relaxed);
@@ -292,7 +309,7 @@ void take_snapshot(Session& s) {
     }
     entry.version.store(version + 2, std::memory_order_release);
     shots.newest.store(next, std::memory_order_release);
-    shots.any.store(true, std::memory_order_release);
+    s.snapshots.store(&shots, std::memory_order_release);
 }
 
 /// Whether the words of a finger could be read whole.
@@ -315,15 +332,35 @@ bool read_entry(const Snapshots::Entry& entry, std::size_t first, std::int32_t s
 
 void show(Session& s) {
     ++s.generation;
-    for (const auto& [field, index] : s.live_fields) fill(s, field, index);
-    if (s.snapshots.on.load(std::memory_order_relaxed)) take_snapshot(s);
+    for (const LiveField& live : s.live_fields) fill(s, live.field, live.index, *live.memory);
+    if (s.keeps_snapshots) take_snapshot(s);
 }
 
 void show_all(Session& s) {
-    const std::size_t each = s.fields.size() / PALPATE_FIELD_COUNT;
-    for (std::size_t k = 0; k < s.fields.size(); ++k)
-        if (s.fields[k].wanted) fill(s, int(k / each), int(k % each) - 1);
+    for (auto& [which, memory] : s.fields)
+        fill(s, which.first, which.second < 0 ? -1 : row_of(s, which.first, which.second), *memory);
     show(s);
+}
+
+void renew_views(Session& s) {
+    s.live_fields.clear();
+    for (auto it = s.fields.begin(); it != s.fields.end();) {
+        const auto [field, id] = it->first;
+        const int row = id < 0 ? -1 : row_of(s, field, id);
+        // Those of the world have other sizes now, and are asked for anew; whoever holds the old ones still may.
+        if (row < 0) {
+            s.old_fields.push_back(std::move(it->second));
+            it = s.fields.erase(it);
+            continue;
+        }
+        if (field_kinds[field].changes) s.live_fields.push_back({field, row, it->second.get()});
+        ++it;
+    }
+    if (!s.all_snapshots.empty()) {
+        s.snapshots.store(nullptr);
+        prepare_snapshots(s);
+    }
+    show_all(s);
 }
 
 }  // namespace palpate::api
@@ -335,19 +372,23 @@ int32_t palpate_view(PalpateWorld world, int32_t field, int32_t index, PalpateVi
     if (field < 0 || field >= PALPATE_FIELD_COUNT)
         return fail(PALPATE_ERROR_ARGUMENT, "there is no such field: palpate.h lists them, PALPATE_POSITIONS and on");
     const FieldKind& kind = field_kinds[field];
-    const std::size_t count = kind.of == Of::finger    ? session->simulation->fingers.size()
-                              : kind.of == Of::thimble ? session->simulation->loops.size()
-                                                       : 0;
-    if (kind.of == Of::world ? index != -1 : index < 0 || std::size_t(index) >= count)
-        return kind.of == Of::world ? fail(PALPATE_ERROR_ARGUMENT, "a field of the world has index -1")
-                                    : fail_no_row(kind.of == Of::finger ? "finger" : "thimble", count, index);
+    const int row = row_of(*session, field, index);
+    if (kind.of == Of::world && index != -1) return fail(PALPATE_ERROR_ARGUMENT, "a field of the world has index -1");
+    if (kind.of != Of::world && row < 0) return fail_no_part(kind.of == Of::finger ? "finger" : "thimble", index);
     return guarded([&] {
-        FieldMemory& m = session->fields[memory_index(*session, field, index)];
-        if (!m.wanted) {
-            fill(*session, field, index);
-            if (kind.changes) session->live_fields.emplace_back(field, index);
-            m.wanted = true;
+        auto at = session->fields.find({field, index});
+        if (at == session->fields.end()) {
+            auto fresh = std::make_unique<FieldMemory>();
+            fill(*session, field, row, *fresh);
+            if (auto old = reused(*session, *fresh)) {
+                fresh = std::move(old);
+                fill(*session, field, row, *fresh);
+            }
+            session->live_fields.reserve(session->live_fields.size() + 1);
+            at = session->fields.emplace(std::pair{field, index}, std::move(fresh)).first;
+            if (kind.changes) session->live_fields.push_back({field, row, at->second.get()});
         }
+        const FieldMemory& m = *at->second;
         PalpateView own{};
         own.type = kind.type;
         own.rank = m.rank;
@@ -364,10 +405,10 @@ int32_t palpate_get_finger(PalpateWorld world, int32_t finger, PalpateFingerStat
     if (!state) return fail(PALPATE_ERROR_ARGUMENT, "state is NULL");
     Owner session(world);
     if (session.result() != PALPATE_OK) return session.result();
-    const std::size_t count = session->simulation->fingers.size();
-    if (finger < 0 || std::size_t(finger) >= count) return fail_no_row("finger", count, finger);
-    return write_struct(state_of(*session, std::size_t(finger)), state) ? PALPATE_OK
-                                                                        : fail(PALPATE_ERROR_ARGUMENT, wrong_size);
+    const int row = session->fingers.row(finger);
+    if (row < 0) return fail_no_part("finger", finger);
+    return write_struct(state_of(*session, std::size_t(row)), state) ? PALPATE_OK
+                                                                     : fail(PALPATE_ERROR_ARGUMENT, wrong_size);
 }
 
 int32_t palpate_get_object(PalpateWorld world, int32_t object, PalpateObjectState* state) {
@@ -375,8 +416,9 @@ int32_t palpate_get_object(PalpateWorld world, int32_t object, PalpateObjectStat
     Owner session(world);
     if (session.result() != PALPATE_OK) return session.result();
     const World& w = session->world();
-    if (object < 0 || std::size_t(object) >= w.shapes.size()) return fail_no_row("object", w.shapes.size(), object);
-    const RigidShape& shape = w.shapes[std::size_t(object)];
+    const int row = session->objects.row(object);
+    if (row < 0) return fail_no_part("object", object);
+    const RigidShape& shape = w.shapes[std::size_t(row)];
     PalpateObjectState own{};
     own.moves = shape.body >= 0;
     put(own.pose, shape.pose);
@@ -395,12 +437,13 @@ int32_t palpate_get_thimble(PalpateWorld world, int32_t thimble, PalpateThimbleS
     Owner session(world);
     if (session.result() != PALPATE_OK) return session.result();
     const Simulation& s = *session->simulation;
-    if (thimble < 0 || std::size_t(thimble) >= s.loops.size()) return fail_no_row("thimble", s.loops.size(), thimble);
-    const Matching& m = s.world.matchings[std::size_t(thimble)];
-    const ThimbleLoop& loop = *s.loops[std::size_t(thimble)];
+    const int row = session->thimbles.row(thimble);
+    if (row < 0) return fail_no_part("thimble", thimble);
+    const Matching& m = s.world.matchings[std::size_t(row)];
+    const ThimbleLoop& loop = *s.loops[std::size_t(row)];
     PalpateThimbleState own{};
     for (std::size_t i = 0; i < s.fingers.size(); ++i)
-        if (s.fingers[i] == m.finger) own.finger = int32_t(i);
+        if (s.fingers[i] == m.finger) own.finger = session->fingers.ids[i];
     own.configuration_count = int32_t(m.result.w.size());
     own.joint_count = int32_t(loop.q.size());
     const auto copy = [](const Coordinates& from, double* to) { std::copy(from.begin(), from.end(), to); };
@@ -418,9 +461,10 @@ int32_t palpate_keep_snapshots(PalpateWorld world, int32_t on) {
     Owner session(world);
     if (session.result() != PALPATE_OK) return session.result();
     return guarded([&] {
+        session->keeps_snapshots = on != 0;
+        if (!on) return PALPATE_OK;
         prepare_snapshots(*session);
-        if (on) take_snapshot(*session);
-        session->snapshots.on.store(on != 0);
+        take_snapshot(*session);
         return PALPATE_OK;
     });
 }
@@ -430,20 +474,22 @@ int32_t palpate_read_snapshot(PalpateWorld world, int32_t finger, PalpateFingerS
     if (!state) return fail(PALPATE_ERROR_ARGUMENT, "state is NULL");
     Use session(world);
     if (!session) return fail_no_world(world);
-    const Snapshots& shots = session->snapshots;
-    if (!shots.any.load(std::memory_order_acquire))
+    const Snapshots* const newest = session->snapshots.load(std::memory_order_acquire);
+    if (!newest)
         return fail(PALPATE_ERROR_STATE, "there is no snapshot yet: its owner calls palpate_keep_snapshots first");
-    if (finger < 0 || std::size_t(finger) >= shots.first.size())
-        return fail_no_row("finger", shots.first.size(), finger);
-    const std::int32_t S = shots.samples[std::size_t(finger)];
+    const Snapshots& shots = *newest;
+    const auto found = std::find(shots.ids.begin(), shots.ids.end(), finger);
+    if (found == shots.ids.end()) return fail_no_part("finger", finger);
+    const auto row = std::size_t(found - shots.ids.begin());
+    const std::int32_t S = shots.samples[row];
     if (samples) *samples = S;
     if ((positions || forces) && capacity < S)
         return fail(PALPATE_ERROR_SIZE, "the finger has more samples than the buffers have room for");
     // A reader that is overtaken takes the next newest. Whoever is overtaken a thousand times has stopped in between.
     for (int attempt = 0; attempt < 1000; ++attempt) {
         PalpateFingerState own{};
-        if (!read_entry(shots.entries[shots.newest.load(std::memory_order_acquire)], shots.first[std::size_t(finger)],
-                        S, own, positions, forces))
+        if (!read_entry(shots.entries[shots.newest.load(std::memory_order_acquire)], shots.first[row], S, own,
+                        positions, forces))
             continue;
         return write_struct(own, state) ? PALPATE_OK : fail(PALPATE_ERROR_ARGUMENT, wrong_size);
     }

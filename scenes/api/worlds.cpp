@@ -86,21 +86,17 @@ std::int32_t make_from_text(const std::string& text, const PalpateWorldDef* give
 
 Scene scene_again(Session& session, const std::vector<std::string>& settings) {
     const Scene& scene = session.simulation->scene;
+    if (session.changed)
+        return load_scene_now(*scene.text, scene.file, settings, &session.templates, poses_now(session.world()));
     return scene.text ? load_scene_text(*scene.text, scene.file, settings, &session.templates)
                       : load_scene(scene.file, settings, &session.templates);
 }
 
 }  // namespace
 
-Session::Session(Simulation s)
-    : simulation(std::make_unique<Simulation>(std::move(s))),
-      finger_inputs(simulation->fingers.size()),
-      object_inputs(simulation->world.shapes.size()) {
-    const std::size_t most = std::max({simulation->fingers.size(), simulation->loops.size(), std::size_t(1)}) + 1;
-    fields.resize(PALPATE_FIELD_COUNT * most);
-    for (const RigidShape& o : simulation->world.shapes) moved_by_forces.push_back(o.body >= 0 || o.held_body >= 0);
-    inputs.fingers.reserve(simulation->fingers.size());
-    inputs.objects.reserve(simulation->world.shapes.size());
+Session::Session(Simulation s) : simulation(std::make_unique<Simulation>(std::move(s))) {
+    const auto fresh = [](std::size_t n) { return std::vector<int>(n, -1); };
+    take_rows(*this, fresh(world().skins.size()), fresh(world().shapes.size()), fresh(world().matchings.size()));
 }
 
 bool change_settings(Session& session, const std::vector<std::string>& settings) {
@@ -192,17 +188,22 @@ int32_t palpate_clone(PalpateWorld world, PalpateWorld* clone) {
         std::string why;
         if (!restore_state(*other->simulation, session->state.data(), session->state.size(), why))
             return fail(PALPATE_ERROR_INTERNAL, why);
-        const auto copy = [](std::vector<PoseInput>& from, std::vector<PoseInput>& to) {
-            for (std::size_t i = 0; i < from.size(); ++i) {
-                from[i].take();
-                const Pose<double>& p = from[i].taken;
+        other->fingers = session->fingers, other->objects = session->objects, other->thimbles = session->thimbles;
+        other->added = session->added, other->changed = session->changed;
+        const auto copy = [](const Ids& ids, const PoseInputs& from, PoseInputs& to) {
+            to.reserve(ids.rows.size());
+            for (const std::int32_t id : ids.ids) {
+                PoseInput &a = from.at(Ids::slot_of(id)), &b = to.at(Ids::slot_of(id));
+                a.take();
+                const Pose<double>& p = a.taken;
                 const double pose[7] = {p.position.x, p.position.y, p.position.z, p.rotation.w,
                                         p.rotation.x, p.rotation.y, p.rotation.z};
-                to[i].set(from[i].taken_kind, pose);
+                b.give_to(id, a.moved_by_forces);
+                b.set(id, a.taken_kind, pose);
             }
         };
-        copy(session->finger_inputs, other->finger_inputs);
-        copy(session->object_inputs, other->object_inputs);
+        copy(session->fingers, session->finger_inputs, other->finger_inputs);
+        copy(session->objects, session->object_inputs, other->object_inputs);
         *clone = adopt(std::move(other));
         return int32_t(PALPATE_OK);
     });
@@ -228,11 +229,6 @@ int32_t palpate_get_info(PalpateWorld world, PalpateWorldInfo* info) {
 }
 
 namespace {
-
-template <class Rows>
-bool has_row(const Rows& rows, std::int32_t index) {
-    return index >= 0 && std::size_t(index) < rows.size();
-}
 
 std::string joined_lines(const std::vector<std::string>& lines) {
     std::string all;
@@ -261,16 +257,16 @@ bool text_of(const Session& s, std::int32_t text, std::int32_t index, std::strin
             out = scene.text ? "" : scene.file.string();
             return true;
         case PALPATE_TEXT_FINGER:
-            if (!has_row(w.skins, index)) return false;
-            out = w.skins[std::size_t(index)].name;
+            if (s.fingers.row(index) < 0) return false;
+            out = w.skins[std::size_t(s.fingers.row(index))].name;
             return true;
         case PALPATE_TEXT_OBJECT:
-            if (!has_row(w.shapes, index)) return false;
-            out = w.shapes[std::size_t(index)].name;
+            if (s.objects.row(index) < 0) return false;
+            out = w.shapes[std::size_t(s.objects.row(index))].name;
             return true;
         case PALPATE_TEXT_THIMBLE:
-            if (!has_row(w.matchings, index)) return false;
-            out = w.matchings[std::size_t(index)].model.kind->name;
+            if (s.thimbles.row(index) < 0) return false;
+            out = w.matchings[std::size_t(s.thimbles.row(index))].model.kind->name;
             return true;
         default:
             return false;
@@ -278,11 +274,11 @@ bool text_of(const Session& s, std::int32_t text, std::int32_t index, std::strin
 }
 
 template <class Rows>
-std::int32_t find_named(const Rows& rows, const char* name, const char* what, std::int32_t* index) {
+std::int32_t find_named(const Rows& rows, const Ids& ids, const char* name, const char* what, std::int32_t* index) {
     std::vector<std::string> names;
     for (std::size_t i = 0; i < rows.size(); ++i) {
         if (rows[i].name == name) {
-            *index = std::int32_t(i);
+            *index = ids.ids[i];
             return PALPATE_OK;
         }
         names.push_back(rows[i].name);
@@ -318,14 +314,14 @@ int32_t palpate_find_finger(PalpateWorld world, const char* name, int32_t* finge
     if (!name || !finger) return fail(PALPATE_ERROR_ARGUMENT, name ? "finger is NULL" : "name is NULL");
     Owner session(world);
     if (session.result() != PALPATE_OK) return session.result();
-    return guarded([&] { return find_named(session->world().skins, name, "finger", finger); });
+    return guarded([&] { return find_named(session->world().skins, session->fingers, name, "finger", finger); });
 }
 
 int32_t palpate_find_object(PalpateWorld world, const char* name, int32_t* object) {
     if (!name || !object) return fail(PALPATE_ERROR_ARGUMENT, name ? "object is NULL" : "name is NULL");
     Owner session(world);
     if (session.result() != PALPATE_OK) return session.result();
-    return guarded([&] { return find_named(session->world().shapes, name, "object", object); });
+    return guarded([&] { return find_named(session->world().shapes, session->objects, name, "object", object); });
 }
 
 int32_t palpate_set(PalpateWorld world, const char* const* settings, int32_t count) {

@@ -6,6 +6,7 @@
 #include "scenes/load/finger_model.h"
 #include "scenes/load/load_devices.h"
 #include "scenes/load/load_motion.h"
+#include "scenes/load/load_now.h"
 #include "scenes/load/load_objects.h"
 #include "scenes/load/load_solver.h"
 #include "scenes/load/scene.h"
@@ -217,8 +218,15 @@ std::string tried_for(const std::filesystem::path& name) {
     return tried;
 }
 
+void place_now(Scene& scene, const PosesNow& now) {
+    for (FingerSpec& f : scene.spec.fingers)
+        if (const auto at = now.fingers.find(f.name); at != now.fingers.end()) f.start = at->second;
+    for (ObjectSpec& o : scene.spec.objects)
+        if (const auto at = now.objects.find(o.name); at != now.objects.end()) o.pose = at->second;
+}
+
 Scene load_table(toml::table table, const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                 FingerTemplates* templates) {
+                 FingerTemplates* templates, const PosesNow* now = nullptr) {
     Scene scene;
     scene.file = file;
     Problems problems{file, {}};
@@ -232,6 +240,7 @@ Scene load_table(toml::table table, const std::filesystem::path& file, const std
         for (const auto& sentence : scene.spec.validate()) problems.add(nullptr, sentence);
     if (problems.messages.empty()) {
         place_fingers(scene);
+        if (now) place_now(scene, *now);
         check_start(scene, problems);
     }
     if (!problems.messages.empty()) throw InputError(problems.messages);
@@ -251,6 +260,13 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<std::strin
 Scene load_scene_text(const std::string& text, const std::filesystem::path& file,
                       const std::vector<std::string>& overrides, FingerTemplates* templates) {
     Scene scene = load_table(parse_toml(text, file), file, overrides, templates);
+    scene.text = text;
+    return scene;
+}
+
+Scene load_scene_now(const std::string& text, const std::filesystem::path& file,
+                     const std::vector<std::string>& overrides, FingerTemplates* templates, const PosesNow& now) {
+    Scene scene = load_table(parse_toml(text, file), file, overrides, templates, &now);
     scene.text = text;
     return scene;
 }

@@ -18,6 +18,22 @@ toml::node* find_entry(toml::array& array, const std::string& key) {
     return !*end && !key.empty() && index >= 0 && index < long(array.size()) ? &array[std::size_t(index)] : nullptr;
 }
 
+/// A whole table, or an entry of an array of tables: "object.ball=none".
+bool take_out(toml::node& node, const std::string& key) {
+    if (node.is_array()) {
+        toml::array& array = *node.as_array();
+        toml::node* entry = find_entry(array, key);
+        if (!entry || !entry->is_table()) return false;
+        for (auto it = array.begin(); it != array.end(); ++it)
+            if (&*it == entry) return array.erase(it), true;
+        return false;
+    }
+    toml::table* table = node.as_table();
+    if (!table || !table->get(key) || !table->get(key)->is_table()) return false;
+    table->erase(key);
+    return true;
+}
+
 }  // namespace
 
 void apply_override(toml::table& root, const std::string& assignment, Problems& problems) {
@@ -39,6 +55,7 @@ void apply_override(toml::table& root, const std::string& assignment, Problems& 
         if (!node) return problems.add(nullptr, where + "there is no '" + keys[i] + "' to set");
     }
     const std::string value = assignment.substr(equals + 1);
+    if (value == "none" && take_out(*node, keys.back())) return;
     if (node->is_array() || !node->is_table() || keys.empty())
         return problems.add(nullptr, where + "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table");
     toml::table parsed;

@@ -125,6 +125,39 @@ class Palpate(unittest.TestCase):
         world.step(60)
         self.assertLess(forces[:, 2].sum(), 0.7 * before)
 
+    def test_fingers_and_objects_come_and_go(self):
+        world = palpate.load("press", settings=["dt_ms=1", "solver.preset=balanced"])
+        alone = world.copy()
+        forces, finger = world.fingers["index"].forces, world.fingers["index"]
+        world.step(50)
+        thumb = world.add_finger("thumb", pose=[-0.06, 0, 0.02, 1, 0, 0, 0], elements=120)
+        ball = world.add_object("sphere", [0.01], pose=[0, 0.1, 0.05, 1, 0, 0, 0], mass=0.01)
+        self.assertEqual(["index", "thumb"], world.fingers.keys())
+        self.assertIs(finger, world.fingers["index"])
+        thumb.pose = [-0.06, 0, 0.006, 1, 0, 0, 0]
+        world.step(50)
+        alone.step(100)
+        self.assertEqual((2, 3), world.forces.shape)
+        self.assertGreater(thumb.force[2], 0.02)
+        self.assertLess(ball.pose[2], 0.05)
+        self.assertTrue(numpy.array_equal(alone.fingers[0].forces, forces))
+        held = thumb.forces
+        before = held.copy()
+        thumb.thimble = "chinello-3rrs"
+        self.assertEqual("chinello-3rrs", thumb.thimble.kind)
+        thumb.thimble = None
+        self.assertIsNone(thumb.thimble)
+        thumb.remove()
+        world.step()
+        self.assertTrue(numpy.array_equal(before, held))  # memory that stays
+        for wrong in (lambda: thumb.force, lambda: thumb.forces, thumb.remove, lambda: world.fingers[0].remove()):
+            with self.assertRaises(palpate.Error):
+                wrong()
+        again = pickle.loads(pickle.dumps(world))
+        again.step(10)
+        world.step(10)
+        self.assertTrue(numpy.array_equal(again.objects[ball.name].pose, ball.pose))
+
     def test_threads(self):
         world = palpate.load_text(SMALL)
         world.keep_snapshots()

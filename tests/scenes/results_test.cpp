@@ -91,8 +91,10 @@ TEST(Results, AKilledRunLeavesItsTables) {
     testing::ScratchFolder scratch;
     const fs::path out = scratch.path / "out";
     const std::string run = testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out.string();
-    // Killed after some seconds of a run that would take far longer.
-    testing::shell(run + " --duration 10000 --set dt_ms=5 --set solver.preset=fast & sleep 4; kill -KILL $!; wait $!");
+    // Killed once some of a run that would take far longer is there.
+    testing::shell(run + " --duration 3000 --set dt_ms=5 --set solver.preset=fast & p=$!; for i in $(seq 600); do " +
+                   "[ $(cat " + out.string() + "/*/index.csv | wc -l) -gt 200 ] && break; sleep 0.1; done; " +
+                   "kill -KILL $p; wait $p");
     fs::path left;
     for (const auto& entry : fs::directory_iterator(out)) left = entry.path();
     ASSERT_TRUE(left.filename().string().starts_with("palpate-unfinished-")) << left;

@@ -108,23 +108,32 @@ def _view(field, doc):
 
 def _row(field, part, doc):
     def get(self):
-        return self._world._view(field, -1)[self.index][part]
+        return self._world._view(field, -1)[self._at()][part]
 
     get.__doc__ = doc
     return property(get)
 
 
-class Finger:
-    """A finger of a world."""
+class _Part:
+    """`index` is its id in palpate.h; what was removed raises Error."""
 
-    def __init__(self, world, index, name):
-        self._world, self.index, self.name = world, index, name
+    def __init__(self, world, index, name, row):
+        self._world, self.index, self.name, self._row = world, index, name, row
+
+    def _at(self):
+        if self._row is None:
+            raise Error(-1, f"{self.name} has been removed")
+        return self._row
+
+
+class Finger(_Part):
+    """A finger of a world."""
 
     @property
     def pose(self):
         """Tracked pose [7]: the newest that was seen. Set it, and the finger follows that instead of its track from the
         next step on; None: its tracker does not see it."""
-        return self._world._view(_TRACKED, -1)[self.index]
+        return self._world._view(_TRACKED, -1)[self._at()]
 
     @pose.setter
     def pose(self, pose):
@@ -174,24 +183,31 @@ class Finger:
 
     @property
     def thimble(self):
-        """The thimble that it wears; None where it wears none."""
+        """The simulated thimble that it wears; None where it wears none. Set it to the name of a kind, or to None."""
         return next((t for t in self._world.thimbles if t.state.finger == self.index), None)
+
+    @thimble.setter
+    def thimble(self, kind):
+        check(library.palpate_set_thimble(self._world._handle.id, self.index, kind.encode() if kind else None, None))
+        self._world._take_parts()
+
+    def remove(self):
+        """Takes it out of the world. Arrays of it stay as they are."""
+        check(library.palpate_remove_finger(self._world._handle.id, self.index))
+        self._world._take_parts()
 
     def __repr__(self):
         x, y, z = self.force
         return f"<finger {self.name}: {x:.3f} {y:.3f} {z:.3f} N on {1e6 * self.area:.1f} mm2>"
 
 
-class Object:
+class Object(_Part):
     """An object of a world."""
-
-    def __init__(self, world, index, name):
-        self._world, self.index, self.name = world, index, name
 
     @property
     def pose(self):
         """Pose [7]. Set it where no forces move the object, and it goes there in the next step."""
-        return self._world._view(_OBJECT_POSES, -1)[self.index]
+        return self._world._view(_OBJECT_POSES, -1)[self._at()]
 
     @pose.setter
     def pose(self, pose):
@@ -200,6 +216,11 @@ class Object:
     def release(self):
         """It stays, or follows its track, again."""
         check(library.palpate_release_object(self._world._handle.id, self.index))
+
+    def remove(self):
+        """Takes it out of the world."""
+        check(library.palpate_remove_object(self._world._handle.id, self.index))
+        self._world._take_parts()
 
     velocity = _row(_OBJECT_MOTIONS, slice(0, 3), "Velocity of its centre of mass [3], [m/s].")
     spin = _row(_OBJECT_MOTIONS, slice(3, 6), "Angular velocity [3], world [rad/s].")
@@ -216,11 +237,10 @@ class Object:
         return f"<object {self.name} at {x:.2f} {y:.2f} {z:.2f} mm>"
 
 
-class Thimble:
+class Thimble(_Part):
     """A simulated thimble of a world."""
 
-    def __init__(self, world, index, name):
-        self._world, self.index, self.kind = world, index, name
+    kind = property(lambda self: self.name, doc="Of its device.")
 
     configuration = _view(_CONFIGURATION, "Its configuration [C], [rad or m].")
     wanted = _view(_WANTED, "Joint angles of the newest match [J], [rad].")
@@ -243,14 +263,36 @@ class World:
 
     def __init__(self, handle):
         self._handle, self._views = handle, {}
-        info = self._info()
-        self.fingers = self._named("finger", Finger, info.finger_count, _FINGER)
-        self.objects = self._named("object", Object, info.object_count, _OBJECT)
-        self.thimbles = self._named("thimble", Thimble, info.thimble_count, _THIMBLE)
+        self._parts = [{}, {}, {}]
+        self._take_parts()
 
-    def _named(self, what, kind, count, text):
-        names = [self._text(text, i) for i in range(count)]
-        return _Named(what, [kind(self, i, name) for i, name in enumerate(names)], names)
+    def _take_parts(self):
+        """What there is now. Views of the world are asked for anew, those of what stays keep their places."""
+        self._views = {key: view for key, view in self._views.items() if key[1] >= 0}
+        kinds = [("finger", Finger, _FINGER), ("object", Object, _OBJECT), ("thimble", Thimble, _THIMBLE)]
+        named = []
+        for what, (label, kind, text) in enumerate(kinds):
+            before, now = self._parts[what], {}
+            for row, id in enumerate(self._ids(what)):
+                now[id] = before.get(id) or kind(self, id, self._text(text, id), row)
+                now[id]._row = row
+            for id, part in before.items():
+                if id not in now:
+                    part._row = None
+                    if what != 1:  # an array of fingers, or thimbles; objects have none
+                        fields = range(11) if what == 0 else range(11, 15)
+                        for field in fields:
+                            self._views.pop((field, id), None)
+            self._parts[what] = now
+            named.append(_Named(label, list(now.values()), [part.name for part in now.values()]))
+        self.fingers, self.objects, self.thimbles = named
+
+    def _ids(self, what):
+        count = ctypes.c_int32()
+        check(library.palpate_list(self._handle.id, what, None, 0, ctypes.byref(count)))
+        ids = (ctypes.c_int32 * max(1, count.value))()
+        check(library.palpate_list(self._handle.id, what, ids, len(ids), ctypes.byref(count)))
+        return ids[: count.value]
 
     def _info(self):
         info = _library.WorldInfo()
@@ -314,6 +356,34 @@ class World:
         """Changes settings while it runs: world.set("finger.index.material.young_kPa=40")."""
         texts = [s.encode() for s in settings]
         check(library.palpate_set(self._handle.id, (ctypes.c_char_p * max(1, len(texts)))(*texts), len(texts)))
+
+    def add_finger(self, name=None, finger="index-median", pose=(0, 0, 0, 1, 0, 0, 0), elements=0, young_modulus=0,
+                   device=None, method=None):  # fmt: skip
+        """A finger more, from a preset or finger file, at a tracked pose; takes tens of milliseconds. Returns it. The others
+        go on as they were."""
+        text = lambda t: t.encode() if t else None
+        definition = _library.FingerDef(name=text(name), finger=text(finger), device=text(device), method=text(method), elements=elements,
+                                        pose=_numbers_of_pose(pose), young_modulus=young_modulus)  # fmt: skip
+        id = ctypes.c_int32()
+        check(library.palpate_add_finger(self._handle.id, ctypes.byref(definition), ctypes.byref(id)))
+        self._take_parts()
+        return self._parts[0][id.value]
+
+    def add_object(self, shape, dimensions=(), name=None, pose=(0, 0, 0, 1, 0, 0, 0), friction=0, stiffness=0, mass=0, file=None):
+        """An object more. shape: plane, box, sphere, capsule, cylinder or mesh; dimensions: edges x y z, or radius and length
+        [m]; friction: Coulomb coefficient; stiffness: pressure per depth [Pa/m], 0 is rigid; mass: forces move it [kg], 0 is
+        fixed. Returns it."""
+        shapes = ["plane", "box", "sphere", "capsule", "cylinder", "mesh"]
+        if shape not in shapes:
+            raise ValueError(f"there is no shape {shape!r}; there are: {', '.join(shapes)}")
+        numbers = [float(d) for d in dimensions]
+        definition = _library.ObjectDef(shape=shapes.index(shape), name=name.encode() if name else None, friction=friction,
+                                        file=str(file).encode() if file else None, stiffness=stiffness, mass=mass, pose=_numbers_of_pose(pose),
+                                        dimensions=tuple((numbers + [0, 0, 0])[:3]))  # fmt: skip
+        id = ctypes.c_int32()
+        check(library.palpate_add_object(self._handle.id, ctypes.byref(definition), ctypes.byref(id)))
+        self._take_parts()
+        return self._parts[1][id.value]
 
     def save(self):
         """The whole state as bytes: a branch point."""

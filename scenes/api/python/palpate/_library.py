@@ -63,6 +63,20 @@ class WorldDef(Struct):
     ]  # fmt: skip
 
 
+class FingerDef(Struct):
+    _fields_ = [
+        ("size", c_int32), ("elements", c_int32), ("name", c_char_p), ("finger", c_char_p), ("device", c_char_p),
+        ("method", c_char_p), ("pose", c_double * 7), ("young_modulus", c_double),
+    ]  # fmt: skip
+
+
+class ObjectDef(Struct):
+    _fields_ = [
+        ("size", c_int32), ("shape", c_int32), ("name", c_char_p), ("file", c_char_p), ("dimensions", c_double * 3),
+        ("pose", c_double * 7), ("friction", c_double), ("stiffness", c_double), ("mass", c_double),
+    ]  # fmt: skip
+
+
 class WorldInfo(Struct):
     _fields_ = [
         ("size", c_int32), ("finger_count", c_int32), ("object_count", c_int32), ("thimble_count", c_int32),
@@ -118,6 +132,12 @@ for _name, _arguments in {
     "get_info": [c_int64, POINTER(WorldInfo)],
     "get_text": [c_int64, c_int32, c_int32, c_char_p, c_int64, POINTER(c_int64)],
     "set": [c_int64, POINTER(c_char_p), c_int32],
+    "list": [c_int64, c_int32, POINTER(c_int32), c_int32, POINTER(c_int32)],
+    "add_finger": [c_int64, POINTER(FingerDef), POINTER(c_int32)],
+    "remove_finger": [c_int64, c_int32],
+    "add_object": [c_int64, POINTER(ObjectDef), POINTER(c_int32)],
+    "remove_object": [c_int64, c_int32],
+    "set_thimble": [c_int64, c_int32, c_char_p, c_char_p],
     "set_finger_pose": [c_int64, c_int32, c_void_p],
     "release_finger": [c_int64, c_int32],
     "set_object_pose": [c_int64, c_int32, c_void_p],
