@@ -1,6 +1,7 @@
 """The Python package as its users see it: python_test.py PROGRAM (with PYTHONPATH and PALPATE_LIBRARY set)."""
 import copy
 import gc
+import json
 import pathlib
 import pickle
 import subprocess
@@ -203,12 +204,33 @@ class Palpate(unittest.TestCase):
         self.assertIn("index", world._repr_html_())
 
     def test_examples(self):
-        for line in ("read_forces.py", "tune_stiffness.py 0.6", "pinch.py --worlds 2"):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        plot = f"plot_forces.py press {scratch.name}/forces.png"
+        for line in ("read_forces.py", "tune_stiffness.py 0.6", "pinch.py --worlds 2", plot, "staircase.py --trials 10"):
             ran = subprocess.run([sys.executable, *line.split()], cwd=ROOT / "scenes/api/python/examples", capture_output=True, text=True)
             self.assertEqual(0, ran.returncode, line + ran.stderr)
             if line.startswith("pinch"):
                 for lifted in ran.stdout.splitlines():
                     self.assertGreater(float(lifted.split()[2]), 15, ran.stdout)
+
+        self.assertTrue(list(pathlib.Path(scratch.name).glob("forces.*")))
+        self.assertRegex(ran.stdout, r"threshold \d+\.\d %")
+
+    def test_the_notebook(self):
+        """Its cells, one after the other; in a kernel of Jupyter, too, where that is installed."""
+        file = ROOT / "scenes/api/python/examples/finger.ipynb"
+        names = {}
+        for cell in json.loads(file.read_text())["cells"]:
+            if cell["cell_type"] == "code":
+                exec(compile("".join(cell["source"]), str(file), "exec"), names)
+        if subprocess.run([sys.executable, "-c", "import nbconvert, ipykernel"], capture_output=True).returncode == 0:
+            scratch = tempfile.TemporaryDirectory()
+            self.addCleanup(scratch.cleanup)
+            convert = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute", "--output-dir", scratch.name, str(file)]
+            ran = subprocess.run(convert, capture_output=True, text=True)
+            self.assertEqual(0, ran.returncode, ran.stderr)
+            self.assertIn("A finger on a table", next(pathlib.Path(scratch.name).glob("*.html")).read_text())
 
 
 if __name__ == "__main__":
