@@ -148,13 +148,14 @@ class MaestroLink final : public BoardLink {
                 throw std::runtime_error("channel " + std::to_string(channel) + " is not one of the " +
                                          std::to_string(channels_) + " of the Maestro " + info.serial);
         set_limits();
+        // Before it is asked where servos are: a watchdog that bites after this is seen when it is fed.
+        transfer(handle_, clear_errors());
         const auto reply = servo_settings(handle_, channels_);
         for (int c = 0; c < channels_; ++c)
             if (const auto s = parse_servo(channels_, c, reply)) {
                 positions[std::size_t(c)] = s->position;
                 check_limits(c, *s);
             }
-        transfer(handle_, clear_errors());
         return "";
     } catch (const std::exception& error) {
         close();

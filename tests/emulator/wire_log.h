@@ -114,10 +114,12 @@ inline std::string unsafe(const std::vector<WireEvent>& events, const WireRules&
 inline std::string told_after_a_latch(const std::vector<WireEvent>& events, double grace, bool rearms,
                                       int underway = 0) {
     double faulted = HUGE_VAL;
+    bool moves = false;  // a watchdog that bites before that is seen as the board is opened
     for (const WireEvent& e : events) {
         if (e.channel == unplugged) faulted = std::min(faulted, e.time);
-        if (e.channel == watchdog_bit) faulted = std::min(faulted, e.time + grace);
+        if (e.channel == watchdog_bit && moves) faulted = std::min(faulted, e.time + grace);
         if (rearms && e.channel <= speed_of_channel_0) faulted = HUGE_VAL;
+        moves = e.channel >= 0 || (moves && e.channel > speed_of_channel_0);
         if (e.channel >= 0 && e.time > faulted && --underway < 0)
             return wire_detail::at(e, "told after a fault by [s]", e.time - faulted, 0);
     }

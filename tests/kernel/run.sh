@@ -28,6 +28,7 @@ for module in $(for m in dummy_hcd usb_f_fs; do modprobe -S "$release" --show-de
 done | awk '!seen[$0]++' > "$root/modules/order"
 grep -q dummy_hcd "$root/modules/order" || { echo "this kernel has no dummy_hcd" >&2; exit 1; }
 cp tests/kernel/init.sh "$root/init"
+chmod +x "$root/init"
 cat > "$root/tmp/scene.toml" << 'END'
 duration_s = 3
 dt_ms = 50
