@@ -304,6 +304,37 @@ TEST_F(Usb, ThimblesFollowOnlyWhileTheSwitchIsHeld) {
     }
 }
 
+/// A live hand that presses a ball, and then its tracker dies.
+TEST_F(Usb, WhereTheTrackerFallsSilentThimblesGoToRest) {
+    const std::string here = scratch.path.string(), port = std::to_string(20000 + (::getpid() + 13) % 30000);
+    const std::string file = scene(1, 30);  // for its calibration
+    std::ofstream(file)
+        << "duration_s = 30\ndt_ms = 5\n[tracker]\ntracker_timeout_s = 0.5\nsource = \"udp:" << port
+        << "\"\n[[object]]\nname = \"ball\"\nkind = \"sphere\"\nradius_mm = 12\nposition_mm = [0, 0, "
+        << "100]\n[[finger]]\nname = \"index\"\nelements = 100\nshape = { finger = \"index\" }\nfollow = "
+        << "\"index\"\ntrack = [ { t_s = 0, position_mm = [0, 60, 100] } ]\ndevice = { kind = "
+        << "\"chinello-3rrs\", driver = \"maestro\", " << calibrated << ", channels = [0, 1, 2] }\n";
+    std::ifstream recording(testing::source_dir() + "/scenes/pinch.jsonl");
+    std::string frame, line;
+    while (std::getline(recording, line)) frame = line;
+    std::ofstream(scratch.path / "frame") << R"({"units":"m","up":"z",)" << frame.substr(1) << std::flush;
+    std::ofstream(scratch.path / "go.sh")
+        << "cd " << here << "; rm -f log_*\n"
+        << run_command(file) << " &\np=$!\n"
+        << "n=0; while [ $(wc -l < log) -lt 7 ] && [ $n -lt 400 ]; do sleep 0.05; n=$((n+1)); done\n"
+        << "bash -c 'for i in $(seq 75); do cat frame > /dev/udp/127.0.0.1/" << port
+        << "; sleep 0.02; done'\ncp log log_pressed\nsleep 3.2\ncp log log_silent\nkill -INT $p\nwait $p\n";
+    const Outcome o = emulate("--at 6000" + logged(), "sh " + here + "/go.sh");
+    auto rests = [&](const char* when) {
+        const auto all = testing::newest_targets(testing::read_wire_log(here + "/" + when));
+        return std::all_of(all.begin(), all.end(), [](auto t) { return t.second == rest_pulse(t.first % 3); });
+    };
+    EXPECT_FALSE(rests("log_pressed")) << "never pressed\n" << o.out;
+    EXPECT_TRUE(rests("log_silent")) << o.out;
+    EXPECT_SAYS(o, "its tracker was silent");
+    expect_safe(events());
+}
+
 TEST_F(Usb, AViewedSceneThatBeginsAgainDoesNotReArm) {
     const std::string port = std::to_string(20000 + (::getpid() + 7) % 30000);
     const Outcome o = emulate("--fault unplug@150 --replug-ms 100" + logged(),
