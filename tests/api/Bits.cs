@@ -63,8 +63,31 @@ static class Bits
         Call(world, "OnDestroy");
     }
 
+    /// All steps of a scene, as bits.c prints them.
+    static int Print(string scene, int steps)
+    {
+        using (World world = World.Load(scene))
+        {
+            for (int step = 1; step <= steps; ++step)
+            {
+                world.Step(1);
+                string line = step.ToString();
+                Field[] fields = { Field.NetForces, Field.NetTorques, Field.BonePoses, Field.ObjectPoses, Field.JointsSent };
+                foreach (Field field in fields)
+                {
+                    double[] numbers = null;
+                    world.Read(field, field == Field.JointsSent ? 0 : -1, ref numbers);
+                    foreach (double x in numbers) line += " " + BitConverter.DoubleToInt64Bits(x).ToString("x16");
+                }
+                Console.WriteLine(line);
+            }
+        }
+        return 0;
+    }
+
     static int Main(string[] arguments)
     {
+        if (arguments[0] == "print") return Print(arguments[1], int.Parse(arguments[2]));
         Conversions();
         Components(arguments[0]);
         using (World world = World.Load(arguments[0]))
