@@ -339,9 +339,10 @@ int32_t palpate_set(PalpateWorld world, const char* const* settings, int32_t cou
             all.push_back(std::move(setting));
         }
         if (!change_settings(*session, all))
-            return fail(PALPATE_ERROR_STATE,
-                        "these settings build other meshes, fingers, objects or thimbles: make a "
-                        "new world with them");
+            return fail(
+                PALPATE_ERROR_STATE,
+                "these settings build other meshes, fingers, objects or thimbles: palpate_add_finger and its like "
+                "change those while a world lives, a new world has others");
         if (session->recorder) session->recorder->change_settings(*session->simulation, all);
         show_all(*session);
         return int32_t(PALPATE_OK);

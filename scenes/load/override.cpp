@@ -29,8 +29,8 @@ bool take_out(toml::node& node, const std::string& key) {
         return false;
     }
     toml::table* table = node.as_table();
-    if (!table || !table->get(key) || !table->get(key)->is_table()) return false;
-    table->erase(key);
+    if (!table || (table->get(key) && !table->get(key)->is_table())) return false;
+    table->erase(key);  // nothing where there is none
     return true;
 }
 

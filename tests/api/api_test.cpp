@@ -668,6 +668,46 @@ TEST(ApiParts, ForeverComingAndGoingFillsNoMemory) {
     }
 }
 
+TEST(ApiParts, OthersMaySetAndReadMeanwhile) {
+    Held world;
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_keep_snapshots(world, 1));
+    std::atomic<std::int32_t> newest{0};
+    std::atomic<bool> done{false};
+    std::atomic<long> set{0}, refused{0}, wrong{0};
+    const auto other = [&] {
+        const double pose[7] = {-0.06, 0, 0.008, 1, 0, 0, 0};
+        std::vector<double> forces(3000);
+        while (!done) {
+            const std::int32_t id = newest;
+            ++(palpate_set_finger_pose(world, id, pose) == PALPATE_OK ? set : refused);
+            palpate_release_object(world, 0);
+            PalpateFingerState state{};
+            state.size = sizeof state;
+            std::int32_t samples = 0;
+            if (palpate_read_snapshot(world, id, &state, nullptr, forces.data(), 1000, &samples) != PALPATE_OK)
+                continue;
+            double z = 0;
+            for (int k = 0; k < samples; ++k) z += forces[3 * std::size_t(k) + 2];
+            wrong += std::abs(z - state.force[2]) > 1e-12;
+        }
+    };
+    std::thread a(other), b(other);
+    const PalpateFingerDef def = finger_at("thumb", -0.06, 0.010);
+    for (int k = 0; k < 12; ++k) {
+        std::int32_t thumb = -1;
+        ASSERT_EQ(PALPATE_OK, palpate_add_finger(world, &def, &thumb)) << palpate_last_error();
+        newest = thumb;
+        ASSERT_EQ(PALPATE_OK, palpate_step(world, 5)) << palpate_last_error();
+        ASSERT_EQ(PALPATE_OK, palpate_remove_finger(world, thumb)) << palpate_last_error();
+    }
+    done = true;
+    a.join(), b.join();
+    EXPECT_EQ(0, wrong);
+    EXPECT_GT(set, 0);
+    EXPECT_GT(refused, 0);
+}
+
 /// Numbers that nobody should pass.
 struct Chance {
     std::mt19937 random{7};

@@ -74,6 +74,14 @@ class Palpate(unittest.TestCase):
         world.step(5)
         self.assertEqual(0, finger.area)
 
+    def test_steps_are_whole_numbers_that_fit(self):
+        world = palpate.load_text(SMALL)
+        world.step(numpy.int64(2))
+        for wrong in (2**32 + 5, -(2**40), 0, 1.5, "1", None):
+            with self.assertRaises((ValueError, palpate.Error, TypeError)):
+                world.step(wrong)
+        self.assertEqual(2, world.steps)
+
     def test_what_is_wrong_is_said(self):
         world = palpate.load_text(SMALL)
         with self.assertRaisesRegex(KeyError, "there are: index"):

@@ -11,6 +11,7 @@ finger's or object's own frame to the world. Arrays are read-only views of palpa
 copy what you want to keep. One thread at a time steps a world; poses may be set, and snapshots read, from any thread.
 """
 import ctypes
+from operator import index
 
 import numpy
 
@@ -25,6 +26,7 @@ _POSITIONS, _FORCES, _TOUCHES, _PRESSURES, _AREAS, _FACES, _SAMPLE_NODES, _NODES
 _STRETCHES, _CONFIGURATION, _WANTED, _SENT, _REACHED, _BONES, _TRACKED, _NET, _TORQUES, _CENTRES = range(10, 20)
 _CONTACT_AREAS, _OBJECT_POSES, _OBJECT_MOTIONS = range(20, 23)
 _SCENE, _WARNINGS, _SETTINGS, _FOLDER, _FINGER, _OBJECT, _THIMBLE, _FILE = range(8)
+_MOST_STEPS = 1000000
 _NUMBERS = [(ctypes.c_double, numpy.float64), (ctypes.c_int32, numpy.int32), (ctypes.c_uint8, numpy.uint8)]
 
 
@@ -326,6 +328,9 @@ class World:
 
     def step(self, n=1):
         """n steps."""
+        n = index(n)
+        if abs(n) > _MOST_STEPS:  # ctypes would cut it down to 32 bits
+            raise ValueError(f"expected 1 to {_MOST_STEPS} steps at once, found {n}: step in parts")
         code = library.palpate_step(self._handle.id, n)
         if code:
             check(code)
