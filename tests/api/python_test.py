@@ -4,12 +4,14 @@ import gc
 import json
 import pathlib
 import pickle
+import re
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 import unittest
+import xml.etree.ElementTree
 
 import numpy
 
@@ -209,7 +211,13 @@ class Palpate(unittest.TestCase):
         world = palpate.load_text(SMALL)
         for thing in (world, world.fingers, world.fingers[0], world.objects[0], world.thimbles[0]):
             self.assertRegex(repr(thing), "^<")
-        self.assertIn("index", world._repr_html_())
+        world.fingers[0].pose = [0, 0, 0.006, 1, 0, 0, 0]
+        world.step(60)
+        html = world._repr_html_()
+        xml.etree.ElementTree.fromstring(f"<div>{html.replace('&sup2;', '')}</div>")  # well formed
+        self.assertIn("index", html)
+        self.assertEqual(len(world.fingers[0].faces), html.count("<polygon"))
+        self.assertGreater(len(set(re.findall(r"rgb\([^)]*\)", html))), 3)
 
     def test_examples(self):
         scratch = tempfile.TemporaryDirectory()
