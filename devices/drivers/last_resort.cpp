@@ -7,8 +7,8 @@ namespace palpate {
 
 namespace {
 
-constexpr int deadly[] = {SIGABRT, SIGSEGV, SIGBUS,  SIGFPE,  SIGILL,  SIGSYS, SIGTRAP,
-                          SIGQUIT, SIGHUP,  SIGXCPU, SIGALRM, SIGUSR1, SIGUSR2};
+constexpr int deadly[] = {SIGABRT, SIGSEGV, SIGBUS,  SIGFPE,  SIGILL,    SIGSYS,  SIGTRAP, SIGQUIT,   SIGHUP,
+                          SIGXCPU, SIGALRM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGPROF, SIGPOLL, SIGSTKFLT, SIGPWR};
 constexpr double step = 0.02, at_most = 2;  ///< [s]
 
 // A signal handler sees nothing but what is global.
@@ -38,12 +38,25 @@ extern "C" void rest_then_die(int signal) {
     std::raise(signal);  // comes as this handler returns
 }
 
+/// A stack that has overflowed has no room for a handler: that of the thread that arms gets another.
+void take_another_stack() {
+    static std::array<char, 65536> room;
+    stack_t now{};
+    if (sigaltstack(nullptr, &now) != 0 || !(now.ss_flags & SS_DISABLE)) return;
+    stack_t other{};
+    other.ss_sp = room.data();
+    other.ss_size = room.size();
+    sigaltstack(&other, nullptr);
+}
+
 void take_signals() {
+    take_another_stack();
     for (int signal : deadly) {
         struct sigaction now {};
         if (sigaction(signal, nullptr, &now) != 0 || now.sa_handler != SIG_DFL) continue;
         struct sigaction ours {};
         ours.sa_handler = rest_then_die;
+        ours.sa_flags = SA_ONSTACK;
         sigaction(signal, &ours, nullptr);
     }
 }

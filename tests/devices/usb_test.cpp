@@ -352,6 +352,16 @@ TEST_F(Usb, ASecondCtrlCEndsAtOnceAfterTheRestPose) {
     expect_at_rest(log(), 6);
 }
 
+TEST_F(Usb, AStackThatOverflowsLeavesThimblesAtRest) {
+    for (const std::string signal : {"-1", "26", "29"}) {  // 26: SIGVTALRM, 29: SIGPOLL
+        const Outcome o = emulate("--at 6000" + logged(), probe + " --seconds 2 --die " + signal);
+        EXPECT_GE(o.code, 128) << signal << o.out;
+        expect_safe(events());
+        expect_at_rest(log(), 15);
+        if (HasFailure()) FAIL() << signal << o.out;
+    }
+}
+
 TEST_F(Usb, AFolderThatIsNotThereIsMade) {
     const auto folder = scratch.path / "not" / "there";
     std::string file = scene(1, 0.2);

@@ -1,7 +1,8 @@
 // Drives five thimbles on a Maestro as the program does (loops, device thread, board, link),
 // without a scene: what faults do to the driver is seen in a fraction of a second, under a sanitizer or valgrind too.
 //
-//   board-probe [--seconds S] [--rearm 1] [--die SIGNAL] [--audit FILE] [--acceleration RAD_PER_S2]
+//   board-probe [--seconds S] [--rearm 1] [--die SIGNAL, -1: of a stack that overflows] [--audit FILE] [--acceleration
+//   RAD_PER_S2]
 //
 // Joints swing to and fro, fast. With --rearm 1 faults are cleared whenever their cause is gone, as by a person who
 // never tires. Prints how the board fared; exits 0 where it ended well, 1 where it ended in a fault, 2 where it was
@@ -43,6 +44,19 @@ Options parse(int argc, char** argv) {
     return o;
 }
 
+[[gnu::noinline]] int overflow(volatile char* below) {
+    volatile char room[4096];
+    room[0] = *below;
+    return room[0] == 1 ? 0 : overflow(room) + room[0];  // never 1
+}
+
+/// By a signal; 0 < SIGNAL is the signal, below it the stack overflows.
+void die(int signal) {
+    volatile char here = 0;
+    if (signal < 0) std::printf("%d", overflow(&here));
+    std::raise(signal);
+}
+
 int probe(const Options& o) {
     constexpr int thimbles = 5;
     ThimbleLoopSettings settings;
@@ -77,7 +91,7 @@ int probe(const Options& o) {
             if (o.rearm && loop->status.mode == ThimbleMode::fault) loop->rearm_asked = true;
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
-        if (o.signal && t > 0.6 * o.seconds) std::raise(o.signal);
+        if (o.signal && t > 0.6 * o.seconds) die(o.signal);
     }
     thread.stop();
     board->drain(2);
