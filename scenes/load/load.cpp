@@ -241,7 +241,7 @@ Scene load_table(toml::table table, const std::filesystem::path& file, const std
     if (problems.messages.empty()) {
         place_fingers(scene);
         if (now) place_now(scene, *now);
-        check_start(scene, problems);
+        check_start(scene, problems, now);
     }
     if (!problems.messages.empty()) throw InputError(problems.messages);
     scene.warnings = std::move(problems.warnings);

@@ -73,9 +73,10 @@ bool lies_inside(const FingerSpec& f, const ObjectSpec& o) {
     });
 }
 
-void check_fingers_in_objects(const Scene& scene, Problems& problems) {
+void check_fingers_in_objects(const Scene& scene, Problems& problems, const PosesNow& now) {
     for (const FingerSpec& f : scene.spec.fingers)
         for (const ObjectSpec& o : scene.spec.objects) {
+            if (now.fingers.contains(f.name) && now.objects.contains(o.name)) continue;
             if (scene.tracker.empty() && lies_inside(f, o)) {
                 problems.add(nullptr, "object \"" + o.name + "\" starts inside finger \"" + f.name +
                                           "\", under its skin: let its track begin outside");
@@ -94,11 +95,12 @@ void check_fingers_in_objects(const Scene& scene, Problems& problems) {
         }
 }
 
-void check_bodies(const Scene& scene, Problems& problems) {
+void check_bodies(const Scene& scene, Problems& problems, const PosesNow& now) {
     const auto& objects = scene.spec.objects;
     for (std::size_t i = 0; i < objects.size(); ++i)
         for (std::size_t j = i + 1; j < objects.size(); ++j) {
             if (!objects[i].body && !objects[j].body) continue;
+            if (now.objects.contains(objects[i].name) && now.objects.contains(objects[j].name)) continue;
             const double depth = start_depth(objects[i], objects[j]);
             if (!(depth > body_depth_said)) continue;
             const std::string what = "objects \"" + objects[i].name + "\" and \"" + objects[j].name + "\" overlap by " +
@@ -111,10 +113,11 @@ void check_bodies(const Scene& scene, Problems& problems) {
         }
 }
 
-void check_fingers_in_fingers(const Scene& scene, Problems& problems) {
+void check_fingers_in_fingers(const Scene& scene, Problems& problems, const PosesNow& now) {
     const auto& fingers = scene.spec.fingers;
     for (std::size_t i = 0; i < fingers.size(); ++i)
         for (std::size_t j = i + 1; j < fingers.size(); ++j) {
+            if (now.fingers.contains(fingers[i].name) && now.fingers.contains(fingers[j].name)) continue;
             const double depth = std::max(start_depth(fingers[i], fingers[j]), start_depth(fingers[j], fingers[i]));
             if (depth > finger_depth_said)
                 problems.warnings.push_back(problems.placed(nullptr, "fingers \"" + fingers[i].name + "\" and \"" +
@@ -162,10 +165,11 @@ double start_depth(const FingerSpec& a, const FingerSpec& b) {
     return depth;
 }
 
-void check_start(const Scene& scene, Problems& problems) {
-    check_fingers_in_objects(scene, problems);
-    check_bodies(scene, problems);
-    check_fingers_in_fingers(scene, problems);
+void check_start(const Scene& scene, Problems& problems, const PosesNow* now) {
+    const PosesNow none, &known = now ? *now : none;
+    check_fingers_in_objects(scene, problems, known);
+    check_bodies(scene, problems, known);
+    check_fingers_in_fingers(scene, problems, known);
 }
 
 }  // namespace palpate

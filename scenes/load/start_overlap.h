@@ -1,7 +1,7 @@
 #pragma once
 // What lies inside what before the first step.
 
-#include "scenes/load/scene.h"
+#include "scenes/load/load_now.h"
 #include "scenes/load/section.h"
 
 namespace palpate {
@@ -11,8 +11,9 @@ namespace palpate {
 inline constexpr double finger_depth_said = 1e-3, body_depth_said = 1e-4, body_depth_refused = 2e-3;
 
 /// Warns of fingers that start inside objects or each other, and of bodies that start inside objects, by their names;
-/// refuses those so deep that what follows would be no contact. Fixed objects may overlap.
-void check_start(const Scene& scene, Problems& problems);
+/// refuses those so deep that what follows would be no contact. Fixed objects may overlap. Two that `now` knows press
+/// each other as they have come to: nothing is said of them.
+void check_start(const Scene& scene, Problems& problems, const PosesNow* now = nullptr);
 
 /// How deep a finger's pad lies in an object at the start [m]; not above 0 where it does not touch.
 double start_depth(const FingerSpec& finger, const ObjectSpec& object);

@@ -576,6 +576,19 @@ TEST(ApiParts, GoWithTheirContactsAndFriction) {
     EXPECT_GT(force_on(world, 0), 0.05);
 }
 
+TEST(ApiParts, ComeWhileOthersPressEachOtherDeeply) {
+    Held world;
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();
+    const double deep[7] = {0, 0, -0.004, 1, 0, 0, 0};
+    ASSERT_EQ(PALPATE_OK, palpate_set_finger_pose(world, 0, deep));
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 200));
+    std::int32_t thumb = -1;
+    const PalpateFingerDef def = finger_at("thumb", -0.06, 0.010), inside = finger_at("middle", -0.12, -0.004);
+    EXPECT_EQ(PALPATE_OK, palpate_add_finger(world, &def, &thumb)) << palpate_last_error();
+    EXPECT_EQ(PALPATE_ERROR_SCENE, palpate_add_finger(world, &inside, &thumb)) << "what is new must be outside";
+    EXPECT_EQ(PALPATE_OK, palpate_step(world, 5));
+}
+
 TEST(ApiParts, ThimblesArePutOnAndTakenOff) {
     Held world;
     ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();
