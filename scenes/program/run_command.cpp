@@ -83,6 +83,15 @@ bool end_recording(RunWriter& record) {
     return false;
 }
 
+/// What thimbles went through, and where they are now: whatever becomes of the results.
+void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, bool stopped) {
+    if (!simulation.hardware) return;
+    if (!a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
+    bool at_rest = true;
+    const std::string rest = rest_report(simulation, at_rest);
+    if (!at_rest || stopped || !a.quiet) std::fprintf(stderr, "%s", rest.c_str());
+}
+
 int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     std::vector<std::string> overrides = a.overrides;
@@ -107,6 +116,8 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     ReportRecorder report;
     const auto show = progress_bar(a.quiet);
     ResultsFolder results(folder);
+    std::unique_ptr<DeadMan> dead_man;  // what is wrong with it is said before anything moves
+    if (a.arm && !a.hold.empty()) dead_man = make_dead_man(a.hold);
     if (a.arm)
         arm(simulation, {!a.no_watchdog, folder});
     else if (!a.quiet && !a.json && drives_hardware(simulation.scene))
@@ -117,11 +128,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     std::exception_ptr pads_failure;  // thrown when the run is over, and thimbles are at rest
     std::unique_ptr<RunWriter> record;
     if (!a.record.empty()) record = std::make_unique<RunWriter>(a.record, simulation, overrides);
-    std::unique_ptr<DeadMan> dead_man;
-    if (a.arm && !a.hold.empty()) {
-        dead_man = make_dead_man(a.hold);
-        obey_dead_man(*dead_man, simulation);
-    }
+    if (dead_man) obey_dead_man(*dead_man, simulation);
     std::unique_ptr<Stream> stream;
     if (!a.stream.target.empty()) stream = std::make_unique<Stream>(a.stream), tell_address(*stream);
     RearmKey rearm_key;
@@ -145,6 +152,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         });
     if (stream && !a.quiet && !a.json) std::printf("%s\n", to_text(stream->counts()).c_str());
     stream.reset();
+    tell_of_thimbles(a, simulation, stop);
     const bool record_failed = record && !end_recording(*record);
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
@@ -153,7 +161,6 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (pads) pads->finish(simulation);
     const std::vector<std::string> replaced = results.finish();
     if (!a.report.empty()) report.write(a.report, simulation, summary);
-    if (a.arm && !a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
     if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
@@ -164,9 +171,6 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (!a.json && !a.quiet)
         for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
     if (stop) std::fprintf(stderr, "stopped early at %.3f s\n", simulation.world.time);
-    bool at_rest = true;
-    const std::string rest = rest_report(simulation, at_rest);
-    if (!at_rest || stop || !a.quiet) std::fprintf(stderr, "%s", rest.c_str());
     return stop ? 130 : record_failed ? 1 : 0;
 }
 

@@ -283,11 +283,11 @@ TEST_F(Usb, ThimblesFollowOnlyWhileTheSwitchIsHeld) {
             << "cd " << here << "; rm -f log_*\n"
             << s.before << "\n"
             << runs << "\np=$!\n"
-            << "n=0; while [ $(wc -l < log) -lt 7 ] && [ $n -lt 400 ]; do sleep 0.05; n=$((n+1)); done; sleep 0.8\n"
+            << "n=0; while [ $(wc -l < log) -lt 7 ] && [ $n -lt 400 ]; do sleep 0.05; n=$((n+1)); done; sleep 1\n"
             << "cp log log_before\n"
             << s.hold << "\ncp log log_held\nsleep 1.3\ncp log log_after\n"
             << s.end << "\nwait $p\n";
-        const Outcome o = emulate("--at 6000" + logged(), "sh " + here + "/go.sh");
+        const Outcome o = emulate("--at 7100" + logged(), "sh " + here + "/go.sh");
         auto told = [&](const char* when) {
             return testing::newest_targets(testing::read_wire_log(here + "/" + when));
         };
@@ -360,6 +360,14 @@ TEST_F(Usb, AStackThatOverflowsLeavesThimblesAtRest) {
         expect_at_rest(log(), 15);
         if (HasFailure()) FAIL() << signal << o.out;
     }
+}
+
+TEST_F(Usb, WhatIsKnownOfTheRestPoseIsSaidAlthoughTheDiskIsFull) {
+    const Outcome o = emulate(logged(), "sh -c 'ulimit -f 1; exec " + run_command(scene(1, 1)) + "'");
+    EXPECT_EQ(o.code, 1) << o.out;
+    EXPECT_SAYS(o, "cannot be written");
+    EXPECT_SAYS(o, "thimbles are in their rest pose");
+    expect_at_rest(log(), 3);
 }
 
 TEST_F(Usb, AFolderThatIsNotThereIsMade) {
