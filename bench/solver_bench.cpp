@@ -1,12 +1,15 @@
 // The skin solver against its goals: a finger pressed 2.5 mm in 0.25 s on a plane, E = 30 kPa, Poisson 0.45,
 // limits 0.6 / 1.4, friction 0.5, dt = 1 ms. Times are medians over the steps of a press; each is also given in
-// units of T0, the time of one elastic step of one finger written plainly with Eigen, measured in the same run.
+// units of T0, the time of one elastic step of one finger written plainly with Eigen, and of B0, of one of eight in a
+// register, both measured beside it.
 
 #include <benchmark/benchmark.h>
 
 #include <cmath>
 #include <map>
 
+#include "bench/batched_baseline.h"
+#include "bench/batched_kernel.h"
 #include "bench/eigen_baseline.h"
 #include "bench/field_error.h"
 #include "bench/pressed_finger.h"
@@ -114,7 +117,11 @@ void solver(benchmark::State& state, Press press) {
     const double median = quantile(out.step_us, 0.5);
     state.counters["T0s"] = median / T0.all_nodes_us;
     state.counters["T0s_fixed_bone"] = median / T0.free_nodes_us;
-    state.counters["us_per_finger"] = median / double(press.elements.size());
+    const double per_finger = median / double(press.elements.size());
+    state.counters["us_per_finger"] = per_finger;
+    state.counters["B0s_per_finger"] = per_finger / time_batched_baseline(finger_of(case_a)).us_per_finger;
+    const int count = int(press.elements.size());
+    state.SetLabel(std::string(best_kernels().instructions) + ", lanes: " + std::to_string(chunk_width<T>(count)));
     state.counters["p99_us"] = quantile(out.step_us, 0.99);
     state.counters["kB_per_finger"] = 1e-3 * out.bytes_per_finger;
     if (!compare) return;
@@ -134,6 +141,19 @@ void eigen_T0(benchmark::State& state) {
     state.counters["float_lanes"] = chunk_width<float>(64);
 }
 BENCHMARK(eigen_T0)->Iterations(5)->UseManualTime()->Unit(benchmark::kMicrosecond);
+
+void batched_B0(benchmark::State& state) {
+    for (auto _ : state) {
+        const BatchedBaseline b = time_batched_baseline(finger_of(case_a));
+        if (!(b.solve_residual < 1e-3)) state.SkipWithError("its linear solve is wrong");
+        state.SetIterationTime(1e-6 * b.us_per_finger);
+        state.counters["elements"] = b.elements;
+        state.counters["free_nodes"] = b.free_nodes;
+        state.counters["solve_residual"] = b.solve_residual;
+    }
+    state.SetLabel(batched_instructions());
+}
+BENCHMARK(batched_B0)->Iterations(5)->UseManualTime()->Unit(benchmark::kMicrosecond);
 
 std::vector<int> fingers(int count, int elements) { return std::vector<int>(std::size_t(count), elements); }
 const std::vector<int> five_topologies{330, 338, 347, 356, 365};

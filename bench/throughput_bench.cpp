@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <map>
 
+#include "bench/batched_baseline.h"
+#include "bench/pressed_finger.h"
 #include "engine/build.h"
 #include "engine/step.h"
 #include "scenes/load/finger_mesh.h"
@@ -79,10 +81,15 @@ void throughput(benchmark::State& state) {
         }
         state.SetIterationTime(total / counted);
     }
-    Measured& m = measured[threads][fingers];
-    m = {fingers * counted / total / threads, 1e-3 * double(skin_memory_bytes(world)) / fingers};
+    Measured& m = measured[count][fingers];
+    m = {fingers * counted / total / count, 1e-3 * double(skin_memory_bytes(world)) / fingers};
     state.counters["finger_steps_per_s_and_core"] = m.steps_per_s_and_core;
     state.counters["kB_per_finger"] = m.kB_per_finger;
+    // Beside what the arithmetic alone costs, and beside thirty fingers, which fit the cache.
+    state.counters["B0s_per_finger"] =
+        1e6 / (m.steps_per_s_and_core * time_batched_baseline(index_finger_mesh()).us_per_finger);
+    if (const auto thirty = measured[count].find(30); thirty != measured[count].end())
+        state.counters["times_30"] = thirty->second.steps_per_s_and_core / m.steps_per_s_and_core;
     draw();
 }
 BENCHMARK(throughput)
