@@ -10,6 +10,9 @@
 PALPATE_ASSET(palpate_page, PALPATE_VIEWER_DIR "/page.html")
 PALPATE_ASSET(palpate_frames, PALPATE_VIEWER_DIR "/frames.js")
 PALPATE_ASSET(palpate_plots, PALPATE_VIEWER_DIR "/plots.js")
+PALPATE_ASSET(palpate_skin, PALPATE_VIEWER_DIR "/skin.js")
+PALPATE_ASSET(palpate_surroundings, PALPATE_VIEWER_DIR "/surroundings.js")
+PALPATE_ASSET(palpate_keys, PALPATE_VIEWER_DIR "/keys.js")
 PALPATE_ASSET(palpate_view, PALPATE_VIEWER_DIR "/view.js")
 PALPATE_ASSET(palpate_three, PALPATE_THREE_DIR "/three.min.js")
 PALPATE_ASSET(palpate_orbit, PALPATE_THREE_DIR "/examples/js/controls/OrbitControls.js")
@@ -19,6 +22,9 @@ namespace palpate::assets {
 std::string_view page() { return {palpate_page_begin, palpate_page_end}; }
 std::string_view frames() { return {palpate_frames_begin, palpate_frames_end}; }
 std::string_view plots() { return {palpate_plots_begin, palpate_plots_end}; }
+std::string_view skin() { return {palpate_skin_begin, palpate_skin_end}; }
+std::string_view surroundings() { return {palpate_surroundings_begin, palpate_surroundings_end}; }
+std::string_view keys() { return {palpate_keys_begin, palpate_keys_end}; }
 std::string_view view() { return {palpate_view_begin, palpate_view_end}; }
 std::string_view three() { return {palpate_three_begin, palpate_three_end}; }
 std::string_view orbit_controls() { return {palpate_orbit_begin, palpate_orbit_end}; }

@@ -8,7 +8,10 @@ namespace palpate::assets {
 std::string_view page();            ///< page.html, with marks for the others
 std::string_view frames();          ///< frames.js
 std::string_view plots();           ///< plots.js
+std::string_view skin();            ///< skin.js
+std::string_view surroundings();    ///< surroundings.js
 std::string_view view();            ///< view.js
+std::string_view keys();            ///< keys.js
 std::string_view three();           ///< three.js
 std::string_view orbit_controls();  ///< of three.js
 

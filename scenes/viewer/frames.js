@@ -60,9 +60,20 @@ const quantities = {
     Math.hypot(f.position[3 * i] - rest[3 * i], f.position[3 * i + 1] - rest[3 * i + 1],
                f.position[3 * i + 2] - rest[3 * i + 2]) },
 };
-for (const q of Object.values(quantities)) q.most = q.least;
-/** From skin to deep red. */
+for (const q of Object.values(quantities)) { q.most = q.least; q.peaks = []; }
+/** Scales end where 19 of 20 frames with contact have their peak: single spikes do not wash out the rest. */
+function fitScales() {
+  for (const q of Object.values(quantities)) {
+    const peaks = q.peaks.filter(peak => peak > q.least).sort((a, b) => a - b);
+    if (peaks.length > 0) q.most = peaks[Math.floor(0.95 * (peaks.length - 1))];
+    if (q.peaks.length > 20000) q.peaks.splice(0, 10000);
+  }
+}
+const limit_colour = [0.12, 0.3, 0.85];
+// From skin over red and purple to nearly black: lightness falls evenly, so that it reads without seeing colours.
+const skin_colours = [[236, 196, 172], [244, 143, 98], [222, 78, 88], [164, 38, 104], [98, 18, 104], [38, 8, 60]];
 function skinColour(t) {
-  t = Math.min(1, Math.max(0, t));
-  return [(236 + t * (150 - 236)) / 255, (196 + t * (12 - 196)) / 255, (172 + t * (38 - 172)) / 255];
+  t = Math.min(1, Math.max(0, t)) * (skin_colours.length - 1);
+  const k = Math.min(skin_colours.length - 2, Math.floor(t)), a = skin_colours[k], b = skin_colours[k + 1];
+  return [0, 1, 2].map(d => (a[d] + (t - k) * (b[d] - a[d])) / 255);
 }

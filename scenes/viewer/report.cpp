@@ -54,7 +54,10 @@ std::string page_with(const nlohmann::json& data) {
     replace(page, "/*ORBIT*/", assets::orbit_controls());
     replace(page, "/*FRAMES*/", assets::frames());
     replace(page, "/*PLOTS*/", assets::plots());
+    replace(page, "/*SKIN*/", assets::skin());
+    replace(page, "/*SURROUNDINGS*/", assets::surroundings());
     replace(page, "/*VIEW*/", assets::view());
+    replace(page, "/*KEYS*/", assets::keys());
     replace(page, "/*DATA*/", safe_in_html(data.dump()));
     return page;
 }

@@ -5,10 +5,8 @@
 // ---- the 3-D scene -----------------------------------------------------------------------------------------------
 
 const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
-renderer.setClearColor('#eef1f5');
 by('stage').appendChild(renderer.domElement);
 const scene = new THREE.Scene();
-scene.background = new THREE.Color('#eef1f5');
 const camera = new THREE.PerspectiveCamera(32, 1, 1, 4000);
 camera.up.set(0, 0, 1);
 const controls = new THREE.OrbitControls(camera, renderer.domElement);
@@ -22,20 +20,6 @@ function place(object, pose) {
   object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
 }
 
-/** Skin of a finger whose vertices move and take colours. */
-function skinOf(finger) {
-  const geometry = new THREE.BufferGeometry(), n = finger.rest.length / 3;
-  geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(finger.rest), 3));
-  geometry.setAttribute('color', new THREE.BufferAttribute(new Float32Array(3 * n), 3));
-  geometry.setIndex(finger.triangles);
-  const material = new THREE.MeshLambertMaterial({ vertexColors: THREE.VertexColors, side: THREE.DoubleSide });
-  const group = new THREE.Group(), mesh = new THREE.Mesh(geometry, material);
-  const edges = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(
-    { color: '#000', wireframe: true, transparent: true, opacity: 0.08 }));
-  mesh.frustumCulled = edges.frustumCulled = false;
-  group.add(mesh, edges);
-  return { group, geometry };
-}
 /** A disk of a thimble, z towards the pad. */
 function diskOf(thimble) {
   const disk = new THREE.Group(), r = 1e3 * thimble.radius;
@@ -47,42 +31,29 @@ function diskOf(thimble) {
   return disk;
 }
 
+const dark = window.matchMedia && window.matchMedia('(prefers-color-scheme: dark)').matches;
+const air = dark ? '#1b2028' : '#eef1f5';
+renderer.setClearColor(air);
+scene.background = new THREE.Color(air);
+const tags = stage.fingers.map((finger, k) => nameTag(finger.name, palette[k % palette.length]));
+
 const fingers = stage.fingers.map(finger => {
-  const { group, geometry } = skinOf(finger);
-  scene.add(group);
+  const skin = skinOf(finger);
+  scene.add(skin.group);
   const lines = new THREE.BufferGeometry();
   lines.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6 * finger.samples.length), 3));
   const arrows = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: '#b3261e', depthTest: false }));
   arrows.frustumCulled = false;
   scene.add(arrows);
-  return { group, geometry, arrows };
+  return { ...skin, arrows };
 });
 
-function geometryOf(object) {
-  const s = object.size.map(x => 1e3 * x);
-  if (object.kind === 'plane') return new THREE.PlaneGeometry(240, 240);
-  if (object.kind === 'box') return new THREE.BoxGeometry(2 * s[0], 2 * s[1], 2 * s[2]);
-  if (object.kind === 'sphere') return new THREE.SphereGeometry(s[0], 48, 32);
-  if (object.kind === 'mesh') {
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(object.vertices.map(x => 1e3 * x)), 3));
-    geometry.setIndex(object.triangles);
-    geometry.computeVertexNormals();
-    return geometry;
-  }
-  const middle = new THREE.CylinderGeometry(s[0], s[0], 2 * s[1], 48).rotateX(Math.PI / 2);
-  if (object.kind === 'capsule')
-    for (const side of [-1, 1]) middle.merge(new THREE.SphereGeometry(s[0], 48, 24).translate(0, 0, side * s[1]));
-  return middle;
-}
-const objects = stage.objects.map(object => {
-  const plane = object.kind === 'plane';
-  const mesh = new THREE.Mesh(geometryOf(object), new THREE.MeshLambertMaterial(
-    { color: plane ? '#dfe7ee' : '#7fb0d8', transparent: true, opacity: plane ? 0.25 : 0.45, side: THREE.DoubleSide,
-      depthWrite: false }));
-  scene.add(mesh);
-  return mesh;
+const objects = stage.objects.map((object, k) => {
+  const group = objectOf(object, k);
+  scene.add(group);
+  return group;
 });
+let ground = null;
 const platforms = stage.thimbles.map(thimble => {
   const holder = new THREE.Group(), disk = diskOf(thimble);
   holder.add(disk);
@@ -110,13 +81,13 @@ const touchColours = [[0, 0, 0], [0.85, 0.45, 0.05], [0.12, 0.44, 0.92], [0.1, 0
 // ---- insets: what the users' fingers undergo ------------------------------------------------------------------------
 
 const insets = stage.thimbles.map((thimble, k) => {
-  const inset = new THREE.Scene(), { group, geometry } = skinOf(stage.fingers[thimble.finger]), disk = diskOf(thimble);
-  inset.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85), sun.clone(), group, disk);
-  inset.background = new THREE.Color('#fbfcfd');
+  const inset = new THREE.Scene(), skin = skinOf(stage.fingers[thimble.finger]), disk = diskOf(thimble);
+  inset.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85), sun.clone(), skin.group, disk);
+  inset.background = new THREE.Color(dark ? '#232a34' : '#fbfcfd');
   const label = document.createElement('div');
   label.className = 'felt';
   by('stage').append(label);
-  return { scene: inset, geometry, disk, label };
+  return { scene: inset, skin, disk, label };
 });
 const insetCamera = new THREE.PerspectiveCamera(25, 1, 1, 400);
 insetCamera.up.set(0, 0, 1);
@@ -124,18 +95,14 @@ insetCamera.position.set(66, -75, -39);
 insetCamera.lookAt(0, 0, -2);
 
 function showInset(k, t) {
-  const { geometry, disk } = insets[k], colours = geometry.attributes.color.array, q = quantities.pressure;
-  geometry.attributes.position.array.set(t.felt.position);
-  geometry.attributes.position.needsUpdate = true;
-  for (let i = 0; i < t.felt.pressure.length; ++i) colours.set(skinColour(t.felt.pressure[i] / q.most), 3 * i);
-  geometry.attributes.color.needsUpdate = true;
-  geometry.computeVertexNormals();
+  const { skin, disk } = insets[k];
+  skin.show(t.felt.position, i => t.felt.pressure[i], value => skinColour(value / quantities.pressure.most));
   place(disk, t.pose);
 }
 /** Height of the row of insets at the bottom of the stage, labels included; 0 without them. */
 function insetRow() {
   const side = Math.min(150, Math.floor(by('stage').clientWidth / Math.max(1, insets.length)) - 9);
-  return by('felt').checked && insets.length > 0 ? { side, height: side + 32 } : { side, height: 0 };
+  return by('felt').checked && insets.length > 0 ? { side, height: side + 46 } : { side, height: 0 };
 }
 /** The scene, and the insets below it. */
 function draw() {
@@ -151,6 +118,8 @@ function draw() {
   camera.aspect = width / Math.max(1, height - row.height);
   camera.updateProjectionMatrix();
   part(0, row.height, width, height - row.height, scene, camera);
+  fingers.forEach(({ group }, k) => tags[k](new THREE.Vector3(-4, 0, 9).applyMatrix4(group.matrixWorld), camera, width,
+                                           height - row.height, by('names').checked && frames.length > 0));
   insets.forEach((inset, k) => {
     const x = 8 + k * (row.side + 8);
     inset.label.hidden = row.height === 0;
@@ -177,11 +146,15 @@ function addFrame(frame) {
   frames.push(frame);
   frame.fingers.forEach((f, k) => {
     const rest = stage.fingers[k].rest;
-    for (const q of Object.values(quantities))
-      for (let i = 0; i < f.pressure.length; ++i) q.most = Math.max(q.most, q.of(f, i, rest));
+    for (const q of Object.values(quantities)) {
+      let peak = 0;
+      for (let i = 0; i < f.pressure.length; ++i) peak = Math.max(peak, q.of(f, i, rest));
+      q.peaks.push(peak);
+    }
     for (let i = 0; i < f.forces.length; i += 3)
       largest_force = Math.max(largest_force, Math.hypot(f.forces[i], f.forces[i + 1], f.forces[i + 2]));
   });
+  if (run.live && frames.length % 15 === 1) fitScales();
   for (const plot of plots)
     plot.curves.forEach((curve, k) => {
       const value = plot.of(frame, k);
@@ -191,17 +164,13 @@ function addFrame(frame) {
 }
 
 function showFinger(k, f) {
-  const { group, geometry, arrows } = fingers[k], q = quantities[by('colour').value], rest = stage.fingers[k].rest;
+  const { group, edges, arrows } = fingers[k], q = quantities[by('colour').value], { rest } = stage.fingers[k];
   place(group, f.bone);
-  geometry.attributes.position.array.set(f.position);
-  geometry.attributes.position.needsUpdate = true;
-  const colours = geometry.attributes.color.array;
-  for (let i = 0; i < f.pressure.length; ++i) {
-    const limited = q === quantities.stretch && f.limited[i];
-    colours.set(limited ? [0.12, 0.3, 0.85] : skinColour(q.of(f, i, rest) / q.most), 3 * i);
-  }
-  geometry.attributes.color.needsUpdate = true;
-  geometry.computeVertexNormals();
+  edges.visible = by('mesh').checked;
+  const stretch = q === quantities.stretch;
+  // Beyond twice the scale: at a limit.
+  fingers[k].show(f.position, i => stretch && f.limited[i] ? 3 * q.most : q.of(f, i, rest),
+                  value => stretch && value > 2 * q.most ? limit_colour : skinColour(value / q.most));
   group.updateMatrixWorld();
   const line = arrows.geometry.attributes.position.array, scale = 12 / largest_force, x = new THREE.Vector3();
   stage.fingers[k].samples.forEach((node, s) => {
@@ -233,6 +202,12 @@ function show(index) {
   now = Math.max(0, Math.min(frames.length - 1, index));
   const frame = frames[now];
   frame.fingers.forEach((f, k) => showFinger(k, f));
+  if (!ground && stage.objects.length > 0 && !stage.objects.some(object => object.kind === 'plane')) {
+    const all = new THREE.Group();
+    frame.objects.forEach((pose, k) => { place(objects[k], pose); all.add(objects[k].clone()); });
+    ground = groundBelow(all);
+    scene.add(ground);
+  }
   frame.objects.forEach((pose, k) => { place(objects[k], pose); objects[k].visible = by('objects').checked; });
   frame.thimbles.forEach((t, k) => {
     place(platforms[k].holder, frame.fingers[stage.thimbles[k].finger].bone);
@@ -244,12 +219,14 @@ function show(index) {
     platforms[k].holder.visible = by('platforms').checked;
     showTouches(k, frame, t);
     showInset(k, t);
-    insets[k].label.textContent = `${stage.fingers[stage.thimbles[k].finger].name} feels ${t.felt.force.toFixed(2)} of ${
-      frame.fingers[stage.thimbles[k].finger].force.toFixed(2)} N`;
+    const wanted = frame.fingers[stage.thimbles[k].finger].force;
+    insets[k].label.textContent =
+      `${stage.fingers[stage.thimbles[k].finger].name}\nfeels ${t.felt.force.toFixed(2)} of ${wanted.toFixed(2)} N`;
   });
   by('when').max = frames.length - 1;
   by('when').value = now;
   by('time').textContent = frame.time.toFixed(2) + ' s';
+  document.body.dataset.time = frame.time.toFixed(6);  // for tests
   showNumbers(frame);
   follow();
   draw();
@@ -299,6 +276,11 @@ function aim(finger) {
   view.target.copy(target);
   show(now);
 }
+function zoom(by_factor) {
+  camera.position.sub(controls.target).multiplyScalar(by_factor).add(controls.target);
+  controls.update();
+  draw();
+}
 function resize() {
   const box = by('stage').getBoundingClientRect();
   renderer.setPixelRatio(window.devicePixelRatio || 1);
@@ -307,7 +289,7 @@ function resize() {
 function legend() {
   const q = quantities[by('colour').value], g = by('scale').getContext('2d');
   by('legend-title').textContent = q.title;
-  by('most').textContent = q.most.toPrecision(3) + ' ' + q.unit;
+  by('most').textContent = 'over ' + Number(q.most.toPrecision(2)) + ' ' + q.unit;
   for (let i = 0; i < 180; ++i) {
     g.fillStyle = 'rgb(' + skinColour(i / 179).map(c => Math.round(255 * c)).join(',') + ')';
     g.fillRect(i, 0, 1, 12);
@@ -325,7 +307,7 @@ by('settings-box').hidden = by('restart').hidden = !run.live;
 stage.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
 by('colour').onchange = () => { legend(); show(now); };
 by('camera').onchange = () => aim(Number(by('camera').value));
-for (const id of ['arrows', 'platforms', 'objects', 'touches', 'felt']) by(id).onchange = () => show(now);
+for (const id of ['arrows', 'platforms', 'objects', 'touches', 'felt', 'names', 'mesh']) by(id).onchange = () => show(now);
 
 let tell = () => {};  // the live viewer's way to the simulation
 function play(on) {
@@ -371,6 +353,7 @@ function startReport() {
     addFrame(frame);
     at = frame.end;
   }
+  fitScales();
   legend();
   aim(-1);
   requestAnimationFrame(tick);
@@ -427,6 +410,7 @@ function startLive() {
     if (Object.values(quantities).map(q => q.most).join() !== most) legend();
     if (first) {
       first = false;
+      fitScales();
       legend();
       aim(-1);
       if (link.has('probe')) console.log('first picture drawn');  // for tests

@@ -138,6 +138,29 @@ TEST(Report, IsOneFileThatABrowserPlays) {
         EXPECT_EQ(attribute(*page, "data-error"), "");
         EXPECT_GT(std::atoi(attribute(*page, "data-colours").c_str()), 50) << "the picture is blank";
     }
+    // By keys: to the end, three frames back, one finger alone, the list of keys.
+    const std::string typed = shell(browser + at + "#still=1&keys=End,ArrowLeft,ArrowLeft,ArrowLeft,1,?'");
+    const std::string last = shell(browser + at + "#still=1&keys=End'");
+    EXPECT_EQ(attribute(typed, "data-error"), "");
+    EXPECT_NEAR(std::stod(attribute(last, "data-time")) - std::stod(attribute(typed, "data-time")), 0.1, 0.02);
+    // What a pointer over the first plot reads is the table's.
+    std::istringstream hover(attribute(shell(browser + at + "#still=1&hover=0.4'"), "data-hover"));
+    double time = 0, force = 0, in_table = -1;
+    std::string unit, line;
+    EXPECT_TRUE(hover >> time >> unit >> force);
+    std::ifstream table(out + "/index.csv");
+    std::getline(table, line);
+    ASSERT_EQ(line.substr(0, line.find(',', line.find(',') + 1)), "time_s,contact_force_N") << line;
+    while (std::getline(table, line))
+        if (std::abs(std::stod(line) - time) < 1e-3) in_table = std::stod(line.substr(line.find(',') + 1));
+    EXPECT_NEAR(force, in_table, 1e-3 * in_table);
+    EXPECT_GT(force, 0.1);
+    // On a phone, and in the dark, nothing fails.
+    for (const char* look : {"--window-size=390,800 ", "--window-size=1600,900 --force-dark-mode "}) {
+        const std::string page = shell(browser + look + at + "#t=0.5&still=1&probe=1'");
+        EXPECT_EQ(attribute(page, "data-error"), "") << look;
+        EXPECT_GT(std::atoi(attribute(page, "data-colours").c_str()), 50) << look;
+    }
     // Kept beside the tests, for whoever wants to see them.
     std::filesystem::create_directories("screenshots");
     shell(browser + "--virtual-time-budget=3000 --screenshot=screenshots/report.png 'file://" + file +

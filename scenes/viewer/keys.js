@@ -1,0 +1,64 @@
+'use strict';
+// Everything by keys; `?` lists them.
+
+const toggle = id => { by(id).checked = !by(id).checked; by(id).onchange(); };
+const key_actions = [
+  [' ', 'play, pause', () => play(!playing)],
+  ['ArrowLeft', 'one frame back', () => by('back').onclick()],
+  ['ArrowRight', 'one frame on', () => by('forth').onclick()],
+  ['Home', 'to the start', () => { play(false); show(0); }],
+  ['End', 'to the end', () => { play(false); show(frames.length - 1); }],
+  ['0', 'look at all fingers', () => look(-1)],
+  ['1 ... 9', 'look at one finger', null],
+  ['+', 'nearer', () => zoom(0.8)],
+  ['-', 'farther', () => zoom(1.25)],
+  ['c', 'next colouring', () => nextOf('colour')],
+  ['s', 'next speed', () => nextOf('speed')],
+  ['f', 'forces', () => toggle('arrows')],
+  ['t', 'thimbles', () => toggle('platforms')],
+  ['o', 'objects', () => toggle('objects')],
+  ['n', 'names', () => toggle('names')],
+  ['m', 'the mesh', () => toggle('mesh')],
+  ['p', 'what fingers feel', () => toggle('felt')],
+  ['w', 'save the picture (PNG)', () => savePicture()],
+  ['?', 'this list', () => { by('keys').hidden = !by('keys').hidden; }],
+  ['Escape', 'close it', () => { by('keys').hidden = true; }],
+];
+const key_names = { ' ': 'space', ArrowLeft: '←', ArrowRight: '→', Escape: 'Esc' };
+
+function look(finger) { by('camera').value = finger; aim(finger); }
+function nextOf(id) {
+  const list = by(id);
+  list.selectedIndex = (list.selectedIndex + 1) % list.options.length;
+  if (list.onchange) list.onchange();
+}
+function savePicture() {
+  const link = document.createElement('a');
+  link.download = `${stage.title} ${frames[now].time.toFixed(3)} s.png`;
+  link.href = renderer.domElement.toDataURL('image/png');
+  link.click();
+}
+
+by('keys').innerHTML = '<h2>Keys</h2><table>' + key_actions.map(([key, what]) =>
+  `<tr><td><kbd>${key_names[key] || key}</kbd></td><td>${what}</td></tr>`).join('') + '</table>';
+by('help').onclick = () => { by('keys').hidden = !by('keys').hidden; };
+window.addEventListener('keydown', event => {
+  if (event.ctrlKey || event.metaKey || event.altKey || /^(SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+  if (event.target.tagName === 'INPUT' && event.key.startsWith('Arrow')) return;
+  const finger = Number(event.key) - 1;
+  const action = finger >= 0 && finger < stage.fingers.length ? () => look(finger)
+    : (key_actions.find(([key]) => key === event.key) || [])[2];
+  if (!action || frames.length === 0) return;
+  event.preventDefault();
+  action();
+});
+
+// A link such as report.html#keys=End,ArrowLeft&hover=0.4 types and points; tests use it.
+if (link.has('keys'))
+  for (const key of link.get('keys').split(',')) window.dispatchEvent(new KeyboardEvent('keydown', { key, cancelable: true }));
+if (link.has('hover') && frames.length > 0) {
+  const box = plots[0].canvas.getBoundingClientRect(), first = frames[0].time;
+  const share = (Number(link.get('hover')) - first) / (frames[frames.length - 1].time - first);
+  plots[0].canvas.dispatchEvent(new MouseEvent('mousemove', { clientX: box.left + 44 + share * (box.width - 52) }));
+  document.body.dataset.hover = by('hover').innerText.replace(/\s+/g, ' ');
+}
