@@ -168,6 +168,7 @@ BENCHMARK(detail_generated)
 
 /// Twenty fingers that press on a table, scattered over `fingers`; the others hang still in the air, or wave.
 struct Crowd {
+    Crowd(int fingers, bool waves, bool automatic);
     World world;
     Threads threads{1};
     int every = 1;
@@ -187,33 +188,31 @@ struct Crowd {
     }
 };
 
-Crowd crowd_of(int fingers, bool waves, bool automatic) {
+Crowd::Crowd(int fingers, bool has_waves, bool automatic) {
     static const TetMesh mesh = index_finger_mesh();
     SceneSpec spec;
     spec.solver.newton_iterations = 1;
     spec.solver.dt = 0.001;
     spec.solver.detail_tolerance = automatic ? 2e-5 : 0;
-    Crowd c;
-    c.every = fingers / 20;
-    c.waves = waves;
+    every = fingers / 20;
+    waves = has_waves;
     for (int i = 0; i < fingers; ++i) {
         FingerSpec f;
         f.name = "finger" + std::to_string(i);
         f.mesh = mesh;
         f.single_precision = true;
         // Those that press are where they are among twenty: the same numbers, to the last bit.
-        f.start.position = {0.05 * (i % c.every ? i : i / c.every), 0,
-                            0.0002 + touching_height(mesh) + (i % c.every ? 0.5 : 0)};
+        f.start.position = {0.05 * (i % every ? i : i / every), 0,
+                            0.0002 + touching_height(mesh) + (i % every ? 0.5 : 0)};
         spec.fingers.push_back(std::move(f));
     }
     spec.objects.push_back({"table", {}, Pose<double>::identity()});
-    c.world = build_world(spec);
-    return c;
+    world = build_world(spec);
 }
 
 void detail_crowd(benchmark::State& state) {
     const bool waves = state.range(0) > 0, automatic = state.range(0) == 2;
-    Crowd few = crowd_of(20, waves, automatic), many = crowd_of(2000, waves, automatic);
+    Crowd few(20, waves, automatic), many(2000, waves, automatic);
     double largest = 0;
     int k = 0;
     for (; k < 200; ++k) {
