@@ -57,6 +57,9 @@ std::vector<std::string> SceneSpec::validate() const {
                  all_within(f.element_low, finger_bounds::limit_low) &&
                  all_within(f.element_high, finger_bounds::limit_high),
              who + "values per element must be one per element, inside the bounds of those for all");
+        need(f.element_membrane.size() == f.element_normal.size() &&
+                 all_within(f.element_membrane, {0, finger_bounds::young_modulus.high}),
+             who + "membranes must be one per element, each with a modulus that is not negative and a normal");
         const Coupling& c = f.coupling;
         within("the coupling's stiffness", c.stiffness, coupling_bounds::stiffness, " N/m");
         within("the coupling's angular stiffness", c.angular_stiffness, coupling_bounds::angular_stiffness, " N m/rad");
@@ -121,6 +124,8 @@ SkinParameters parameters_of(const FingerSpec& f) {
     SkinParameters p;
     p.mesh = &f.mesh;
     p.young_modulus = f.element_young.empty() ? std::vector{f.young_modulus} : f.element_young;
+    p.membrane_young = f.element_membrane;
+    p.membrane_normal = f.element_normal;
     p.poisson_ratio = f.poisson_ratio;
     p.density = f.density;
     p.has_limits = f.has_limits;
@@ -230,10 +235,13 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
     for (std::size_t first = 0; first < a.fingers.size();) {
         const int width = shared ? chunk_width<T>(int(a.fingers.size() - first)) : 1;
         const std::size_t last = std::min(a.fingers.size(), first + width);
-        bool limits = false;
-        for (std::size_t k = first; k < last; ++k) limits |= spec.fingers[a.fingers[k]].has_limits;
+        bool limits = false, membranes = false;
+        for (std::size_t k = first; k < last; ++k) {
+            limits |= spec.fingers[a.fingers[k]].has_limits;
+            membranes |= !spec.fingers[a.fingers[k]].element_membrane.empty();
+        }
         SkinChunk<T>& chunk = chunks.emplace_back();
-        allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()), has_bodies(spec));
+        allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()), has_bodies(spec), membranes);
         chunk.material = a.material;
         if (tissue_may_be_linear(spec, a)) allocate_linear_tissue(chunk);
         for (std::size_t k = first; k < last; ++k) {

@@ -20,6 +20,10 @@ struct FingerSpec {
     double limit_low = 0.6, limit_high = 1.4;
     /// Of elements that differ, [element]; empty where all are alike.
     std::vector<double> element_young, element_low, element_high;
+    /// What elements that hold several layers have more along the skin than across it [Pa], and the skin's normal
+    /// there, [element]; empty where none does (laminate.h).
+    std::vector<double> element_membrane;
+    std::vector<Point> element_normal;
     bool single_precision = false;
     Coupling coupling;                      ///< its tracker is set by build_world
     std::optional<PoseFilter> filter = {};  ///< of its tracked pose

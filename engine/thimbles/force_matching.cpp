@@ -141,7 +141,7 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
     const int width = chunk_width<float>(lanes_wanted);
     while (lane_count(m) < lanes_wanted) {
         SkinChunk<float>& c = m.chunks.emplace_back();
-        allocate_chunk(c, topology, width, skin.has_limits, false, 1);
+        allocate_chunk(c, topology, width, skin.has_limits, false, 1, false, !skin.membrane_young.empty());
         c.material = material;
         for (int lane = 0; lane < width; ++lane) {
             set_lane(c, lane, lane_count(m), skin, Pose<double>::identity());

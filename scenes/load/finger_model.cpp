@@ -238,21 +238,27 @@ void read_named_finger(const std::string& name, const std::filesystem::path& fol
 
 void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
     f.element_young.clear(), f.element_low.clear(), f.element_high.clear();
+    f.element_membrane.clear(), f.element_normal.clear();
     if (layers.empty()) return;
     std::vector<double> thicknesses;
     for (const TissueLayer& l : layers) thicknesses.push_back(l.thickness);
-    for (const std::vector<double>& shares : layer_shares(f.mesh, thicknesses)) {
-        double young = shares.back() * f.young_modulus, low = shares.back() * f.limit_low,
-               high = shares.back() * f.limit_high;
+    LayerShares found = layer_shares(f.mesh, thicknesses);
+    for (const std::vector<double>& shares : found.shares) {
+        double along = shares.back() * f.young_modulus, across = shares.back() / f.young_modulus,
+               low = shares.back() * f.limit_low, high = shares.back() * f.limit_high;
         for (std::size_t k = 0; k < layers.size(); ++k) {
-            young += shares[k] * layers[k].young_modulus;
+            along += shares[k] * layers[k].young_modulus;
+            across += shares[k] / layers[k].young_modulus;
             low += shares[k] * layers[k].limit_low;
             high += shares[k] * layers[k].limit_high;
         }
-        f.element_young.push_back(young);
+        f.element_young.push_back(1 / across);
+        // A single layer rounds to a membrane of nearly nothing, which would cost as much as one that counts.
+        f.element_membrane.push_back(along * across > 1 + 1e-9 ? along - 1 / across : 0);
         f.element_low.push_back(low);
         f.element_high.push_back(high);
     }
+    f.element_normal = std::move(found.normals);
 }
 
 FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::string& note) {

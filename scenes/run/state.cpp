@@ -288,6 +288,7 @@ std::uint64_t fingerprint(const Simulation& s) {
                          f.coupling.damping, double(f.has_limits), double(f.material)})
             number(v);
         a.bytes(f.element_young.data(), f.element_young.size() * sizeof(double));
+        a.bytes(f.element_membrane.data(), f.element_membrane.size() * sizeof(double));
     }
     for (const ObjectSpec& o : s.scene.spec.objects) {
         a.bytes(o.name.data(), o.name.size());

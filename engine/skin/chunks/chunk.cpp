@@ -32,13 +32,14 @@ void resize_fields(SkinChunk<T>& c) {
 
 template <class T>
 void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
-                    bool has_friction, int object_count, bool has_bodies) {
+                    bool has_friction, int object_count, bool has_bodies, bool has_membranes) {
     c.topology = std::move(topology);
     c.width = c.contacts.width = width;
     c.contacts.capacity = std::min(object_count, first_slots);
     c.has_limits = has_limits;
     c.has_friction = has_friction && object_count > 0;
     c.has_bodies = has_bodies;
+    c.has_membranes = has_membranes;
     c.finger.assign(std::size_t(width), -1);
     c.status.assign(std::size_t(width), {});
     resize_fields(c);
@@ -68,6 +69,17 @@ double linear_error_weight(const Eigen::Matrix3d& shape_gradients, double mu, do
     return (mu + lambda / 2) / 10 * (shape_gradients.rowwise().norm().sum() + first.norm());
 }
 
+/// Two directions along the skin; any where an element has no membrane.
+Eigen::Matrix<double, 3, 2> tangents_of(const std::vector<Point>& normals, std::size_t element) {
+    const Eigen::Vector3d n = normals.empty()
+                                  ? Eigen::Vector3d::UnitZ()
+                                  : Eigen::Map<const Eigen::Vector3d>(normals.at(element).data()).normalized();
+    const Eigen::Vector3d first = n.unitOrthogonal();
+    Eigen::Matrix<double, 3, 2> tangents;
+    tangents << first, n.cross(first);
+    return tangents;
+}
+
 /// Rest data of the elements of one lane; adds up the nodes' masses.
 template <class T>
 void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
@@ -87,16 +99,25 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
         const double E = value_at(p.young_modulus, m), nu = p.poisson_ratio;
         c.rest.mu[e * W + lane] = T(E / (2 * (1 + nu)));
         c.rest.lambda[e * W + lane] = T(E * nu / ((1 + nu) * (1 - 2 * nu)));
+        const double membrane = p.membrane_young.empty() ? 0 : p.membrane_young.at(m);
+        const double membrane_mu = membrane / (2 * (1 + nu)), membrane_lambda = membrane * nu / (1 - nu * nu);
+        if (c.has_membranes) {
+            c.rest.membrane_mu[e * W + lane] = T(membrane_mu);
+            c.rest.membrane_lambda[e * W + lane] = T(membrane_lambda);
+            const Eigen::Matrix<double, 3, 2> tangents = tangents_of(p.membrane_normal, m);
+            for (int i = 0; i < 6; ++i) c.rest.membrane_tangents[(6 * e + i) * W + lane] = T(tangents(i % 3, i / 3));
+        }
         if (c.has_limits) {
             // A finger without limits in a chunk with them gets bounds that are never met.
             c.rest.limit_low[e * W + lane] = T(p.has_limits ? value_at(p.limit_low, m) : 1e-3);
             c.rest.limit_high[e * W + lane] = T(p.has_limits ? value_at(p.limit_high, m) : 1e3);
-            c.rest.limit_penalty[e * W + lane] = T(p.limit_penalty_factor * E);
+            c.rest.limit_penalty[e * W + lane] = T(p.limit_penalty_factor * (E + membrane));
         }
         for (int a : tet) mass[a] += p.density * volume / 4;
         if (!c.linear.weight.empty())
             c.linear.weight[e * W + lane] =
-                T(volume * linear_error_weight(G, E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))));
+                T(volume * linear_error_weight(G, E / (2 * (1 + nu)) + membrane_mu,
+                                               E * nu / ((1 + nu) * (1 - 2 * nu)) + membrane_lambda));
         for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
     }
     for (std::size_t k = 0; k < t.patches.size(); ++k) {
@@ -133,7 +154,9 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     double volume = 0, E = 0;
     for (std::size_t e = 0; e < t.elements.size(); ++e) {
         volume += c.rest.volume[e * W + lane];
-        E += value_at(p.young_modulus, t.mesh_element[e]) * c.rest.volume[e * W + lane];
+        const std::size_t m = t.mesh_element[e];
+        E += (value_at(p.young_modulus, m) + (p.membrane_young.empty() ? 0 : p.membrane_young.at(m))) *
+             c.rest.volume[e * W + lane];
     }
     const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
     for (std::size_t s = 0; s < t.sample_count(); ++s)
@@ -260,19 +283,20 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     return bytes;
 }
 
-#define PALPATE_INSTANTIATE(T)                                                                                    \
-    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool); \
-    template void allocate_linear_tissue(SkinChunk<T>&);                                                          \
-    template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                  \
-    template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                          \
-    template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                 \
-    template void resize_fields(SkinChunk<T>&);                                                                   \
-    template void leave_linear_tissue(SkinChunk<T>&, unsigned);                                                   \
-    template void rebase_lane(SkinChunk<T>&, int);                                                                \
-    template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                  \
-    template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                           \
-    template Pose<double> lane_bone(const SkinChunk<T>&, int);                                                    \
-    template void fill_empty_lanes(SkinChunk<T>&);                                                                \
+#define PALPATE_INSTANTIATE(T)                                                                                   \
+    template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool, \
+                                 bool);                                                                          \
+    template void allocate_linear_tissue(SkinChunk<T>&);                                                         \
+    template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                 \
+    template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                         \
+    template void set_lane_friction(SkinChunk<T>&, int, int, double, const std::vector<double>&);                \
+    template void resize_fields(SkinChunk<T>&);                                                                  \
+    template void leave_linear_tissue(SkinChunk<T>&, unsigned);                                                  \
+    template void rebase_lane(SkinChunk<T>&, int);                                                               \
+    template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                 \
+    template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                          \
+    template Pose<double> lane_bone(const SkinChunk<T>&, int);                                                   \
+    template void fill_empty_lanes(SkinChunk<T>&);                                                               \
     template std::size_t memory_bytes(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)

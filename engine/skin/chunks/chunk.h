@@ -20,17 +20,19 @@ inline constexpr int bone_spring_count = 3;  ///< virtual coupling, its damper, 
 /// Rest shape, material and limits. Written once, at load.
 template <class T>
 struct SkinRest {
-    LaneArray<T> shape_gradients;        ///< [element][node 1..3][xyz] of the rest shape [1/m]
-    LaneArray<T> volume;                 ///< [element] [m^3]
-    LaneArray<T> mu, lambda;             ///< [element] Lame parameters [Pa]
-    LaneArray<T> patch_bulk;             ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
-    LaneArray<T> limit_low, limit_high;  ///< [element] bounds on principal stretches; empty without limits
-    LaneArray<T> limit_penalty;          ///< [element] base penalty of the limits [Pa]; empty without limits
-    LaneArray<T> mass;                   ///< [node] [kg]
-    LaneArray<T> contact_penalty;        ///< [sample] [N/m]
-    LaneArray<T> contact_area;           ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
-    LaneArray<T> object_friction;        ///< [object] Coulomb coefficients; empty where fingers do not differ in them
-    LaneArray<T> tissue_stiffness;       ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
+    LaneArray<T> shape_gradients;               ///< [element][node 1..3][xyz] of the rest shape [1/m]
+    LaneArray<T> volume;                        ///< [element] [m^3]
+    LaneArray<T> mu, lambda;                    ///< [element] Lame parameters [Pa]
+    LaneArray<T> patch_bulk;                    ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
+    LaneArray<T> membrane_mu, membrane_lambda;  ///< [element] in plane stress [Pa]; empty without membranes
+    LaneArray<T> membrane_tangents;             ///< [element][2][xyz] of the skin, rest shape; empty without membranes
+    LaneArray<T> limit_low, limit_high;         ///< [element] bounds on principal stretches; empty without limits
+    LaneArray<T> limit_penalty;                 ///< [element] base penalty of the limits [Pa]; empty without limits
+    LaneArray<T> mass;                          ///< [node] [kg]
+    LaneArray<T> contact_penalty;               ///< [sample] [N/m]
+    LaneArray<T> contact_area;      ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
+    LaneArray<T> object_friction;   ///< [object] Coulomb coefficients; empty where fingers do not differ in them
+    LaneArray<T> tissue_stiffness;  ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
     LaneArray<T>
         rounding_stiffness;  ///< [1] what rounding of positions meets: that, or more where hardly compressible [N/m]
     LaneArray<T> extent;     ///< [1] largest distance of a node from the bone's origin [m]
@@ -189,6 +191,7 @@ struct SkinChunk {
     Material material = Material::corotational;
     // What it is built with: fields that it does not need have no memory (fields.h).
     bool has_limits = false;
+    bool has_membranes = false;
     bool has_friction = false;
     bool has_bodies = false;
     bool has_soft_objects = false;
@@ -221,6 +224,9 @@ struct SkinChunk {
 struct SkinParameters {
     const TetMesh* mesh = nullptr;      ///< rest shape in the bone frame; same connectivity as the topology
     std::vector<double> young_modulus;  ///< [element] or one value [Pa]
+    /// Of elements that hold several layers: what they have more along the skin [Pa], and its normal; empty without.
+    std::vector<double> membrane_young;
+    std::vector<Point> membrane_normal;
     double poisson_ratio = 0.45;
     double density = 1050;  ///< [kg/m^3]
     bool has_limits = false;
@@ -233,7 +239,7 @@ struct SkinParameters {
 /// insert_contact.
 template <class T>
 void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
-                    bool has_friction, int object_count, bool has_bodies = false);
+                    bool has_friction, int object_count, bool has_bodies = false, bool has_membranes = false);
 
 /// Allocates what linear tissue needs.
 template <class T>

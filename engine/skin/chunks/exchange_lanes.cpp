@@ -36,8 +36,8 @@ SkinChunk<T> spare_chunk(const SkinChunk<T>& like, int width) {
     c.has_soft_objects = like.has_soft_objects;
     c.own_frictions = like.own_frictions;
     c.linear.pairs = like.linear.pairs;
-    allocate_chunk(c, like.topology, width, like.has_limits, like.has_friction, like.contacts.capacity,
-                   like.has_bodies);
+    allocate_chunk(c, like.topology, width, like.has_limits, like.has_friction, like.contacts.capacity, like.has_bodies,
+                   like.has_membranes);
     // Lanes without a finger repeat one that has, so that their arithmetic stays finite.
     for_each_field_of_both(c, const_cast<SkinChunk<T>&>(like), [&](auto& to, const auto& from, const Field& f) {
         if (f.owner != Owner::lane || !stays_with_finger(f)) return;
@@ -50,7 +50,7 @@ SkinChunk<T> spare_chunk(const SkinChunk<T>& like, int width) {
 template <class T>
 bool alike(const SkinChunk<T>& a, const SkinChunk<T>& b) {
     return a.topology == b.topology && a.material == b.material && a.has_limits == b.has_limits &&
-           a.has_friction == b.has_friction && a.has_bodies == b.has_bodies &&
+           a.has_membranes == b.has_membranes && a.has_friction == b.has_friction && a.has_bodies == b.has_bodies &&
            a.has_soft_objects == b.has_soft_objects && a.own_frictions == b.own_frictions &&
            a.linear.pairs.empty() == b.linear.pairs.empty();
 }

@@ -37,6 +37,7 @@ inline bool stays_with_finger(const Field& f) { return f.role != Role::scratch; 
 struct FieldSizes {
     std::size_t E, N, S;  ///< elements, nodes, samples
     std::size_t unknowns, everything;
+    std::size_t membranes;     ///< elements that may have one
     std::size_t limited;       ///< elements with strain limits
     std::size_t samples;       ///< samples that can touch something
     std::size_t rubbing;       ///< samples that can rub
@@ -49,6 +50,7 @@ struct FieldSizes {
           S(c.topology->sample_count()),
           unknowns(c.topology->unknowns.size()),
           everything(3 * (N + 2)),
+          membranes(c.has_membranes ? E : 0),
           limited(c.has_limits ? E : 0),
           samples(c.contacts.capacity > 0 ? S : 0),
           rubbing(c.has_friction ? S : 0),
@@ -69,6 +71,9 @@ void for_each_rest_field(Chunk& c, Visit visit) {
     visit(r.mu, Field{rest, lane, n.E});
     visit(r.lambda, Field{rest, lane, n.E});
     visit(r.patch_bulk, Field{rest, lane, c.topology->patches.size()});
+    visit(r.membrane_mu, Field{rest, lane, n.membranes});
+    visit(r.membrane_lambda, Field{rest, lane, n.membranes});
+    visit(r.membrane_tangents, Field{rest, lane, 6 * n.membranes});
     visit(r.limit_low, Field{rest, lane, n.limited});
     visit(r.limit_high, Field{rest, lane, n.limited});
     visit(r.limit_penalty, Field{rest, lane, n.limited});

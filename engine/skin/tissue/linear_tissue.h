@@ -3,6 +3,7 @@
 // that place, turned with the bone, so that no element is decomposed but those near a strain limit. What that leaves
 // out grows with the square of the change of the deformation gradients since then.
 
+#include "engine/skin/tissue/laminate.h"
 #include "engine/skin/tissue/patches.h"
 
 namespace palpate::detail {
@@ -128,13 +129,14 @@ inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const
     }
 }
 
-/// All elements as they are, one by one or in patches.
+/// All elements as they are, one by one or in patches, with their membranes.
 template <Want want, class R>
 inline void add_all_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
     if (c.topology->patches.empty())
         add_elements<want>(c, request, out);
     else
         add_patches<want>(c, request, out);
+    if (c.has_membranes) add_membranes<want>(c, request.exactness, out);
 }
 
 /// Tissue of all lanes, of each as it is to be in this step.

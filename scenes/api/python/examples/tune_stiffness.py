@@ -16,7 +16,7 @@ kind = "plane"
 [[finger]]
 name = "index"
 finger = "index-median"
-elements = 100
+elements = 300
 track = [ { t_s = 0, position_mm = [0, 0, 10] } ]
 """
 world = palpate.load_text(SCENE)

@@ -1,0 +1,141 @@
+// Elements that hold several layers of skin: a membrane along the skin.
+
+#include <Eigen/Dense>
+
+#include "engine/skin/solve/evaluate.h"
+#include "engine/skin/tissue/laminate.h"
+#include "engine/step.h"
+#include "meshes/layers.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using testing::block_mesh;
+using testing::make_chunk;
+
+/// A block whose elements have membranes alone (their own tissue is a millionth of it), with normals of all directions.
+SkinChunk<double> membranes(const TetMesh& mesh, double young, const Pose<double>& pose = Pose<double>::identity(),
+                            std::vector<Point> normals = {}, double tissue = 0.03) {
+    SkinChunk<double> c;
+    allocate_chunk(c, std::make_shared<SkinTopology>(build_topology(mesh, false, 1)), 1, false, false, 1, false, true);
+    SkinParameters p;
+    p.mesh = &mesh;
+    p.young_modulus = {tissue};
+    p.membrane_young.assign(mesh.tets.size(), young);
+    if (normals.empty())
+        for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+            normals.push_back({std::sin(double(e)), std::cos(3.0 * double(e)), 0.3});
+    p.membrane_normal = normals;
+    set_lane(c, 0, 0, p, pose);
+    testing::aim_all(c, 2000, 2, pose);
+    return c;
+}
+
+Evaluation<double> evaluate_tissue(SkinChunk<double>& c, double exactness) {
+    Evaluation<double> out;
+    std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
+    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
+    detail::add_tissue<detail::Want::forces_and_matrix>(c, exactness, out);
+    return out;
+}
+
+std::vector<double> gradient_of(const SkinChunk<double>& c) {
+    return {c.scratch.gradient.begin(), c.scratch.gradient.begin() + 3 * c.topology->node_count};
+}
+
+std::vector<double> matrix_of(const SkinChunk<double>& c) {
+    const std::size_t n = 3 * std::size_t(c.topology->node_count);
+    std::vector<double> matrix(n * n, 0.0);
+    for (const TissuePair& p : tissue_pairs(*c.topology))
+        for (std::size_t i = 0; i < 3; ++i)
+            for (std::size_t j = 0; j < 3; ++j) {
+                const std::size_t row = 3 * std::size_t(p.a) + i, column = 3 * std::size_t(p.b) + j;
+                matrix[row * n + column] = matrix[column * n + row] =
+                    c.scratch.blocks[9 * std::size_t(p.block) + 3 * i + j];
+            }
+    return matrix;
+}
+
+void scramble(SkinChunk<double>& c, unsigned seed, double by) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> u(-by, by);
+    for (double& x : c.state.position) x += u(random);
+}
+
+TEST(Membranes, ForceIsTheEnergysGradientAndStiffnessTheForces) {
+    auto c = membranes(block_mesh(2, 1, 1, 0.004), 50e3);
+    scramble(c, 5, 7e-4);
+    const std::size_t n = 3 * std::size_t(c.topology->node_count);
+    evaluate_tissue(c, 1.0);
+    const std::vector<double> gradient = gradient_of(c), matrix = matrix_of(c);
+    double largest = 0, stiffest = 0;
+    for (double g : gradient) largest = std::max(largest, std::abs(g));
+    for (double k : matrix) stiffest = std::max(stiffest, std::abs(k));
+    ASSERT_GT(largest, 1e-3);
+    const double h = 1e-8;
+    for (std::size_t i = 0; i < n && !HasFailure(); ++i) {
+        double& x = c.state.position[i];
+        const double at = x;
+        x = at + h;
+        const double above = evaluate_tissue(c, 1.0).energy;
+        const auto f_above = gradient_of(c);
+        x = at - h;
+        const double below = evaluate_tissue(c, 1.0).energy;
+        const auto f_below = gradient_of(c);
+        x = at;
+        EXPECT_NEAR((above - below) / (2 * h), gradient[i], 1e-6 * largest) << i;
+        for (std::size_t j = 0; j < n; ++j)
+            EXPECT_NEAR((f_above[j] - f_below[j]) / (2 * h), matrix[j * n + i], 1e-5 * stiffest) << i << " " << j;
+    }
+}
+
+TEST(Membranes, MatrixWithoutExactnessIsPositive) {
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+        auto c = membranes(block_mesh(1, 1, 1, 0.004), 50e3);
+        scramble(c, seed, 3e-3);
+        evaluate_tissue(c, 0.0);
+        const auto m = matrix_of(c);
+        const Eigen::Index n = 3 * c.topology->node_count;
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::Map<const Eigen::MatrixXd>(m.data(), n, n));
+        EXPECT_GT(solver.eigenvalues()[0], -1e-9 * solver.eigenvalues()[n - 1]) << seed;
+    }
+}
+
+TEST(Membranes, RigidMotionAndWhatHappensAcrossThemCostNothing) {
+    const Pose<double> pose{{0.1, -0.2, 0.3}, normalised(Quaternion<double>{0.2, 0.6, 0.8, -0.1})};
+    auto moved = membranes(block_mesh(2, 2, 2, 0.004), 50e3, pose);
+    evaluate_tissue(moved, 0);
+    for (double f : gradient_of(moved)) EXPECT_LT(std::abs(f), 1e-9 * 50e3 * 0.004 * 0.004);
+    // Pressed along z, sheared across it: a membrane whose normal is z does not notice.
+    const TetMesh mesh = block_mesh(2, 2, 2, 0.004);
+    auto flat = membranes(mesh, 50e3, Pose<double>::identity(), std::vector<Point>(mesh.tets.size(), {0, 0, 1}), 1e-6);
+    for (int i = 0; i < flat.topology->node_count; ++i) flat.state.position[std::size_t(3 * i + 2)] *= 0.7;
+    evaluate_tissue(flat, 0);
+    for (double f : gradient_of(flat)) EXPECT_LT(std::abs(f), 1e-6 * 50e3 * 0.004 * 0.004);
+}
+
+TEST(Membranes, AStripOfLayersIsAsStiffAsTheirMeanAlongAndAsInSeriesAcross) {
+    // 40 kPa over 10 kPa, half each, in elements that hold both; energies of small strains without Poisson's effect.
+    const TetMesh mesh = block_mesh(2, 2, 1, 0.004);
+    const double along = 25e3, across = 16e3, size = 0.004, volume = 4 * size * size * size, strain = 1e-3;
+    SkinChunk<double> c;
+    allocate_chunk(c, std::make_shared<SkinTopology>(build_topology(mesh, false, 1)), 1, false, false, 1, false, true);
+    SkinParameters p;
+    p.mesh = &mesh;
+    p.poisson_ratio = 0;
+    p.young_modulus = {across};
+    p.membrane_young.assign(mesh.tets.size(), along - across);
+    p.membrane_normal.assign(mesh.tets.size(), {0, 0, 1});
+    set_lane(c, 0, 0, p, Pose<double>::identity());
+    const auto rest = c.state.position;
+    for (int axis = 0; axis < 3; ++axis) {
+        c.state.position = rest;
+        for (std::size_t i = std::size_t(axis); i < rest.size(); i += 3) c.state.position[i] *= 1 + strain;
+        const double modulus = evaluate_tissue(c, 0).energy / (0.5 * volume * strain * strain);
+        EXPECT_NEAR(modulus, axis == 2 ? across : along, 1e-3 * along) << axis;
+    }
+}
+
+}  // namespace
+}  // namespace palpate
