@@ -279,6 +279,7 @@ ContactSurface contact_surface_of(const TetMesh& mesh) {
     }
     c.force.assign(c.area.size(), {0, 0, 0});
     c.touches.assign(c.area.size(), 0);
+    c.pressing.assign(c.area.size(), {0, 0, 0});
     c.outward.assign(c.area.size(), {0, 0, 0});
     for (const auto& face : mesh.surface) {
         std::array<int, 3> samples;

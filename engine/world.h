@@ -84,6 +84,7 @@ struct ContactSurface {
     Pose<double> bone = Pose<double>::identity();  ///< finger frame -> world
     std::vector<Vec3<double>> position;            ///< finger frame [m]
     std::vector<Vec3<double>> force;               ///< on the skin, world frame [N]
+    std::vector<Vec3<double>> pressing;            ///< what of it is along the objects' normals, world frame [N]
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
     std::vector<std::array<int, 3>> faces;         ///< of the pad, three samples each, outward; written at load
     std::vector<Vec3<double>> outward;             ///< scratch, [sample] finger frame
@@ -124,6 +125,8 @@ struct Matching {
     double force_N = 0;                 ///< in force mode: commanded along the platform's normal
     Coordinates q, torque;              ///< in force mode: what is sent [rad], [N m]
     std::int64_t solves = 0, constrained_solves = 0, failures = 0, contact_solves = 0;
+    double beside_N = 0;             ///< what presses on the skin from where the platform cannot, in the last solve
+    std::int64_t beside_solves = 0;  ///< solves with contact of that kind
 };
 
 /// Thimble: the mailbox of its device loop. Where its finger's tracker falls silent, the thimble must not go on

@@ -27,18 +27,23 @@ Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, s
     return x;
 }
 
-/// Force of an object on a sample at x, world; adds to the sums of the object. Friction acts with the normal force of
+/// Force of an object on a sample, world [N].
+struct SampleForce {
+    Vec3<double> whole{0, 0, 0}, pressing{0, 0, 0};  ///< with friction; along the object's normal alone
+};
+
+/// Force of an object on a sample at x; adds to the sums of the object. Friction acts with the normal force of
 /// the last multiplier update: in the step in which a sample leaves the object, it acts alone.
 template <class T>
-Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t s, const Vec3<double>& x,
-                          ObjectContact& sums) {
+SampleForce sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t s, const Vec3<double>& x,
+                         ObjectContact& sums) {
     const LaneContact& object = c.contacts.at(slot, lane);
     const std::size_t i = std::size_t(slot) * c.topology->sample_count() + s;
     const double normal_force = c.state.normal_multiplier[i * std::size_t(c.width) + std::size_t(lane)];
-    Vec3<double> force{0, 0, 0};
+    SampleForce force;
     if (c.has_friction && object.friction > 0) {
         const Vec3<double> friction = read_vec3(c.state.tangential_multiplier, i, c.width, lane);
-        force -= rotation_matrix(object.pose.rotation) * friction;
+        force.whole -= rotation_matrix(object.pose.rotation) * friction;
         sums.friction_force += norm(friction);
         sums.friction_available += object.friction * std::max(normal_force, 0.0);
     }
@@ -47,7 +52,8 @@ Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t
             surface_point(object.shape, object.pose, x,
                           int(c.state.contact_side[i * std::size_t(c.width) + std::size_t(lane)]))
                 .normal;
-        force = normal_force * normal + force;
+        force.pressing = normal_force * normal;
+        force.whole = force.pressing + force.whole;
         const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
         const Vec3<double> moved = rotation_matrix(object.pose.rotation) *
                                    (inverse_transform(object.pose, x) - inverse_transform(object.start, before));
@@ -55,7 +61,7 @@ Vec3<double> sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t
         sums.slip += normal_force / total * (norm(moved - dot(moved, normal) * normal) - sums.slip);
         sums.normal_force = total;
     }
-    sums.force += force;
+    sums.force += force.whole;
     return force;
 }
 
@@ -120,26 +126,29 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     std::fill(out.touches.begin(), out.touches.end(), 0);
     for (std::size_t s = 0; s < S; ++s) {
         out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
-        out.force[s] = {0, 0, 0};
+        out.force[s] = out.pressing[s] = {0, 0, 0};
     }
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         const Vec3<double> x = sample_position(c, c.state.position, s, lane);
-        Vec3<double> force{0, 0, 0};
+        SampleForce force;
         double normal_force = 0;
         bool felt = false;
         for (int slot = 0; slot < slots; ++slot) {
             const double normal = c.state.normal_multiplier[(slot * t.sample_count() + s) * W + lane];
             if (normal <= 0 && !rubs(c, lane, slot, s)) continue;
-            force += sample_force(c, lane, slot, s, x, out.objects[std::size_t(slot)]);
+            const SampleForce f = sample_force(c, lane, slot, s, x, out.objects[std::size_t(slot)]);
+            force.whole += f.whole;
+            force.pressing += f.pressing;
             normal_force += std::max(normal, 0.0);
             felt = true;
         }
         if (!felt) continue;
         const char touches = normal_force > 0;
-        out.total += force;
+        out.total += force.whole;
         out.normal_force += normal_force;
         if (s < S) {
-            out.force[s] += force;
+            out.force[s] += force.whole;
+            out.pressing[s] += force.pressing;
             out.touches[s] |= touches;
             continue;
         }
@@ -147,7 +156,8 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
         const FaceSample& f = t.face_samples[s - S];
         for (int k = 0; k < 3; ++k) {
             if (f.weight[k] <= 0) continue;
-            out.force[f.sample[k]] += f.weight[k] * force;
+            out.force[f.sample[k]] += f.weight[k] * force.whole;
+            out.pressing[f.sample[k]] += f.weight[k] * force.pressing;
             out.touches[f.sample[k]] |= touches;
         }
     }

@@ -194,6 +194,27 @@ void solve_pads(ForceMatcher& m, const DeviceModel& model) {
     }
 }
 
+namespace {
+
+/// Whether a lane's forces can be believed: near balance, limits and contact near kept. Those of a solve that was cut
+/// short may be of any size, small ones included.
+bool balanced(const ForceMatcher& m, int lane) {
+    constexpr double share = 0.1, noise = 0.02;    // of its force; [N]
+    constexpr double excess = 0.01, depth = 2e-5;  // of a strain limit; [m]
+    for (const SkinChunk<float>& c : m.chunks) {
+        if (lane >= c.width) {
+            lane -= c.width;
+            continue;
+        }
+        const SkinStatus& status = c.status[std::size_t(lane)];
+        return status.converged || (status.residual_N < share * status.contact_force_N + noise &&
+                                    status.limit_violation < excess && status.penetration_m < depth);
+    }
+    return false;
+}
+
+}  // namespace
+
 MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings,
                             const MatchingResult& geometric) {
     if (geometric.status == MatchingStatus::no_contact || geometric.status == MatchingStatus::kept ||
@@ -214,7 +235,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
         for (int lane = 0; lane < lane_count(m); ++lane) {
             const Coordinates& w = m.lane_w[std::size_t(lane)];
             const double cost = residual_of(m, settings, m.forces.col(lane), m.residual);
-            if (!(cost < best_cost) || !inside_workspace(model, w, 1e-7)) continue;
+            if (!(cost < best_cost) || !balanced(m, lane) || !inside_workspace(model, w, 1e-7)) continue;
             best_cost = cost;
             best.w = w;
             best_lane = lane;

@@ -30,19 +30,34 @@ void solve_match(const ContactSurface& surface, const DeviceModel& model, const 
     m.geometric = m.result;
     const Mat3<double> R = rotation_matrix(surface.bone.rotation);
     for (std::size_t s = 0; s < surface.force.size(); ++s) {
-        const Vec3<double> f = transposed_times(R, surface.force[s]);
+        const bool beside = surface.touches[s] && !m.points[s].touches;
+        const Vec3<double> f = beside ? Vec3<double>{0, 0, 0} : transposed_times(R, surface.force[s]);
         for (int d = 0; d < 3; ++d) forces->wanted[std::ptrdiff_t(3 * s) + d] = f[d];
     }
     m.result = match_forces(*forces, model, m.settings, m.geometric);
 }
 
-void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces) {
+/// Samples as the matching sees them. What presses from beside the pad (a neighbouring finger, the wall of a groove) is
+/// none of the platform's contact: it cannot be there, and would be drawn deep into the pad on its way.
+void read_samples(const ContactSurface& surface, Matching& m) {
+    constexpr double from_beside = 0.342;  // cosine of 70 degrees to the platform at rest
     const Eigen::Isometry3d to_device = m.model.mount.inverse();
+    const Eigen::Vector3d rest = m.model.mount.linear() * m.model.kind->platform(m.model, m.model.rest).normal;
+    const Vec3<double> towards_finger =
+        rotation_matrix(surface.bone.rotation) * Vec3<double>{rest.x(), rest.y(), rest.z()};
+    m.beside_N = 0;
     for (std::size_t s = 0; s < surface.position.size(); ++s) {
         const Vec3<double>& p = surface.position[s];
         m.points[s].position = to_device * Eigen::Vector3d(p.x, p.y, p.z);
-        m.points[s].touches = surface.touches[s] != 0;
+        const double force = norm(surface.pressing[s]);
+        const bool beside = surface.touches[s] && dot(surface.pressing[s], towards_finger) < from_beside * force;
+        m.points[s].touches = surface.touches[s] && !beside;
+        if (beside) m.beside_N += force;
     }
+}
+
+void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces) {
+    read_samples(surface, m);
     const Coordinates last = m.solves > 0 ? m.result.w : m.model.rest;
     const Coordinates start = forces && m.solves > 0 ? m.geometric.w : last;
     if (m.settings.joint_step > 0) {
@@ -53,6 +68,7 @@ void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces)
     }
     if (m.force_mode) command_force(surface, m);
     ++m.solves;
+    m.beside_solves += m.beside_N > 0;
     m.contact_solves += m.result.status != MatchingStatus::no_contact;
     m.constrained_solves += m.result.status != MatchingStatus::no_contact && m.result.constraint_active;
     m.failures += m.result.status == MatchingStatus::kept;

@@ -179,6 +179,7 @@ void exchange(Archive& a, ContactSurface& c) {
     value(a, c.bone, c.rough, c.rough_steps, c.total, c.normal_force, c.touching_area, c.touching);
     array(a, c.position);
     array(a, c.force);
+    array(a, c.pressing);
     array(a, c.touches);
     growing(a, c.objects);
 }
@@ -247,7 +248,8 @@ void exchange(Archive& a, World& w) {
     growing(a, w.finger_pairs.before);
     w.chunks.for_each([&](auto& chunk) { exchange(a, chunk, w.shapes); });
     for (Matching& m : w.matchings) {
-        value(a, m.next, m.fresh, m.force_N, m.solves, m.constrained_solves, m.failures, m.contact_solves);
+        value(a, m.next, m.fresh, m.force_N, m.solves, m.constrained_solves, m.failures, m.contact_solves, m.beside_N,
+              m.beside_solves);
         exchange(a, m.result);
         exchange(a, m.geometric);
         coordinates(a, m.q);

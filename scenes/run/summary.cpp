@@ -62,6 +62,7 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
         if (!(m.finger == s.fingers[i])) continue;
         f.has_device = true;
         f.constrained_share = m.contact_solves ? double(m.constrained_solves) / double(m.contact_solves) : 0;
+        f.beside_share = m.solves ? double(m.beside_solves) / double(m.solves) : 0;
         const ThimbleStatus& status = s.loops[t]->status;
         f.thimble_mode = status.faults      ? "fault"
                          : status.stale > 0 ? std::to_string(status.stale) + " times without a valid command"

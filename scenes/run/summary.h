@@ -31,6 +31,7 @@ struct FingerSummary {
     bool has_device = false;
     double matching_rms_mm = 0;    ///< mean over solves with contact
     double constrained_share = 0;  ///< of solves with contact, at a workspace limit
+    double beside_share = 0;       ///< of solves, with contact from beside the pad, which no platform renders
     std::string thimble_mode;
     std::int64_t retreats = 0;  ///< times its tracker fell silent, and its thimble was led to rest
     std::int64_t commands = 0;  ///< of an armed thimble, with a known age

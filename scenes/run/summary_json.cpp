@@ -53,6 +53,7 @@ nlohmann::json to_json(const Summary& s) {
         if (f.has_device) {
             k["matching_rms_mm"] = f.matching_rms_mm;
             k["constrained_share"] = f.constrained_share;
+            k["beside_share"] = f.beside_share;
             k["thimble"] = f.thimble_mode;
             k["led_to_rest"] = f.retreats;
             if (f.commands > 0)

@@ -45,6 +45,13 @@ void add_remarks(std::ostringstream& out, const FingerSummary& f) {
                       f.name.c_str(), static_cast<long long>(f.rough_steps));
         out << line;
     }
+    if (f.beside_share > 0) {
+        std::snprintf(line, sizeof line,
+                      "  %s: in %.0f %% of its matches something pressed on it from beside the pad (a neighbouring "
+                      "finger, a wall): no platform can be there, and none renders it\n",
+                      f.name.c_str(), 100 * f.beside_share);
+        out << line;
+    }
     if (f.extended_steps) {
         std::snprintf(line, sizeof line, "  %s: %lld steps were given more iterations than their preset has\n",
                       f.name.c_str(), static_cast<long long>(f.extended_steps));

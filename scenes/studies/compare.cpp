@@ -114,7 +114,9 @@ struct Contestant {
         last = r.w;
         if (method == MatchingMethod::force) {
             for (std::size_t i = 0; i < wanted.force.size(); ++i)
-                for (int d = 0; d < 3; ++d) forces.wanted[std::ptrdiff_t(3 * i) + d] = wanted.force[i][d];
+                for (int d = 0; d < 3; ++d)
+                    forces.wanted[std::ptrdiff_t(3 * i) + d] =
+                        wanted.touches[i] && !m.points[i].touches ? 0 : wanted.force[i][d];
             r = match_forces(forces, model, m.settings, r);
         }
         row.microseconds = 1e6 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -158,5 +158,33 @@ track = [
     }
 }
 
+/// Fingers that close around something press on each other's sides, too. No platform can be there: one that tried
+/// was drawn through the pad, and pressed with a thousand newtons.
+TEST(TrueReadings, WhatPressesFromBesideThePadIsNotRenderedAndIsSaid) {
+    CompareOptions options;
+    options.methods = {MatchingMethod::constrained, MatchingMethod::force};
+    for (const char* scene : {"hand.toml", "hold_mug.toml"}) {
+        const std::string duration = scene == std::string("hand.toml") ? "duration_s=2" : "duration_s=0.8";
+        Simulation s = make_simulation(load_scene(scenes + scene, {duration}), 2);
+        const auto fingers = compare(s, options, stop, {});
+        for (std::size_t i = 0; i < fingers.size(); ++i) {
+            double geometric = 0, force = 0;
+            for (const ComparedStep& row : fingers[i]) {
+                for (const auto& method : row.methods)
+                    EXPECT_LT(method.error.field_N, 1.3 * row.virtual_force_N + 0.05)
+                        << scene << " " << i << " " << row.time;
+                geometric += row.methods[0].error.field_N, force += row.methods[1].error.field_N;
+            }
+            EXPECT_LT(force, 1.05 * geometric) << scene << " finger " << i;
+        }
+        const Summary said = summarise(s);
+        EXPECT_GT(said.fingers[2].beside_share, 0.1) << scene;
+        EXPECT_NE(to_text(said).find("pressed on it from beside the pad"), std::string::npos);
+    }
+    Simulation alone = make_simulation(load_scene(scenes + "press.toml"), 1);
+    run(alone, stop, {});
+    EXPECT_EQ(summarise(alone).fingers[0].beside_share, 0);
+}
+
 }  // namespace
 }  // namespace palpate
