@@ -68,6 +68,29 @@ void check_penetration(const Watched& v, Findings& found) {
     }
 }
 
+/// A solve that says it has converged reports nothing beyond its tolerances. (What is measured from outside: the two
+/// laws around this one.)
+void check_status(const Watched& v, Findings& found) {
+    const SolverSettings& solver = v.s.world.solver;
+    for (std::size_t i = 0; i < v.fingers.size(); ++i) {
+        const FingerState& f = v.fingers[i];
+        const SkinStatus& s = f.status;
+        if (!s.converged || s.reset) continue;
+        const double pull = v.s.world.couplings.find(v.s.fingers[i])->force_N;
+        const double forces = std::max({s.contact_force_N, norm(f.reaction), pull});
+        const double rounding = f.skin->single_precision ? 2e-3 : 1e-4;  // of positions, in forces [N]
+        const double residual = std::max(1e-3, 3 * solver.tolerance) * forces + rounding;
+        const double violation = 1.01 * solver.limit_tolerance + 1e-6;
+        const double penetration = 1.01 * solver.contact_tolerance + 1e-8;
+        if (s.residual_N > residual || s.limit_violation > violation || s.penetration_m > penetration ||
+            s.wrong_sides > 0)
+            found.add("converged means within tolerances",
+                      text("%.4f s: %s: residual %.3g of %.3g N, limits exceeded by %.3g, %.3g mm deep, %d wrong sides",
+                           v.s.world.time, f.skin->name.c_str(), s.residual_N, forces, s.limit_violation,
+                           1e3 * s.penetration_m, s.wrong_sides));
+    }
+}
+
 /// What is reported of contact is what acted: mass x acceleration = contact + bone's reaction, per finger.
 void check_finger_balance(const Watched& v, Findings& found) {
     const World& w = v.s.world;
@@ -172,10 +195,12 @@ bool holds_still(const Scene& scene) {
 struct Trace {
     std::vector<std::vector<double>> force;
     std::vector<std::vector<std::uint64_t>> hashes;
+    std::vector<Vec3<double>> bodies;  ///< where they are in the end, in the order of the objects [m]
     bool all_converged = true;
+    bool fingers_near = false;  ///< each other, in some step
 };
 
-Trace watch(Simulation& s, Findings* found) {
+Trace watch(Simulation& s, Findings* found, RunWriter* recorder = nullptr) {
     Trace trace;
     Watched v{s, {}, {}, {}};
     const bool still = holds_still(s.scene);
@@ -183,9 +208,12 @@ Trace watch(Simulation& s, Findings* found) {
         if (shape.body >= 0) v.first_energy.push_back(mechanical_energy(s.world, shape));
     const auto steps = std::max(1L, std::lround(s.scene.duration / s.world.solver.dt));
     for (long k = 0; k < steps; ++k) {
-        advance(s);
+        const StepInputs inputs = next_inputs(s);
+        advance(s, inputs);
+        if (recorder) recorder->record(inputs, s);
         v.before = std::move(v.fingers);
         v.fingers = finger_states(s, v.before);
+        trace.fingers_near |= !s.world.finger_pairs.near.empty();
         std::vector<double> forces;
         for (const FingerState& f : v.fingers) {
             forces.push_back(f.normal_force);
@@ -197,12 +225,16 @@ Trace watch(Simulation& s, Findings* found) {
         trace.hashes.push_back(outcome_of(s).hashes);
         if (!found) continue;
         check_penetration(v, *found);
+        check_status(v, *found);
         check_finger_balance(v, *found);
         check_body_balance(v, *found);
         check_finger_pairs(v, *found);
         check_tunnelling(v, *found);
         if (still && !v.first_energy.empty()) check_energy(v, *found);
     }
+    if (recorder) recorder->finish();
+    for (const RigidShape& shape : s.world.shapes)
+        if (shape.body >= 0) trace.bodies.push_back(shape.pose.position);
     return trace;
 }
 
@@ -276,6 +308,109 @@ void compare_order(const Scene& scene, const Trace& forward, Findings& found) {
         }
 }
 
+/// Objects declared in the opposite order are felt the same, and bodies end in the same places. (Those that bounce do
+/// not: tests/README.md.)
+void compare_object_order(const Scene& scene, const Trace& forward, Findings& found) {
+    if (scene.spec.objects.size() < 2 || !scene.spec.finger_frictions.empty()) return;
+    Scene reversed = scene;
+    std::reverse(reversed.spec.objects.begin(), reversed.spec.objects.end());
+    std::reverse(reversed.object_motions.begin(), reversed.object_motions.end());
+    Simulation s = make_simulation(std::move(reversed), 1);
+    Trace backward = watch(s, nullptr);
+    std::reverse(backward.bodies.begin(), backward.bodies.end());
+    if (!forward.all_converged || !backward.all_converged) return;
+    const double off = difference(forward, backward);
+    const bool bounces = std::any_of(scene.spec.objects.begin(), scene.spec.objects.end(),
+                                     [](const ObjectSpec& o) { return o.body && o.body->restitution > 0; });
+    double apart = 0;
+    for (std::size_t b = 0; b < std::min(forward.bodies.size(), backward.bodies.size()); ++b)
+        apart = std::max(apart, norm(forward.bodies[b] - backward.bodies[b]));
+    if ((off > 0.01 && !has_bodies(scene)) || (apart > 1e-3 && !bounces))
+        found.add("order of objects makes no difference",
+                  text("forces differ by %.3g %%, bodies end %.3g mm apart", 100 * off, 1e3 * apart));
+}
+
+/// A finger that no other comes near feels, to the last bit, what it feels without them.
+void compare_alone(const Scene& scene, const Trace& together, Findings& found) {
+    const std::size_t fingers = scene.spec.fingers.size();
+    if (fingers < 2 || has_bodies(scene) || together.fingers_near || !scene.spec.thimbles.empty()) return;
+    for (const std::size_t i : {std::size_t(0), fingers - 1}) {
+        Scene alone = scene;
+        alone.spec.fingers = {scene.spec.fingers[i]};
+        alone.finger_motions = {scene.finger_motions[i]};
+        alone.finger_models = {scene.finger_models[i]};
+        std::erase_if(alone.spec.finger_frictions, [&](auto& f) { return f.finger != int(i); });
+        for (FingerFriction& f : alone.spec.finger_frictions) f.finger = 0;
+        Simulation s = make_simulation(std::move(alone), 1);
+        const Trace trace = watch(s, nullptr);
+        for (std::size_t k = 0; k < trace.force.size(); ++k)
+            if (const double a = together.force[k][i], b = trace.force[k][0]; a != b && std::isfinite(a))
+                return found.add("a finger alone feels the same", text("step %zu: %.9g N of %s are %.9g N alone", k + 1,
+                                                                       a, scene.spec.fingers[i].name.c_str(), b));
+    }
+}
+
+/// What goes in, recorded, read and put in again, gives the same bits.
+void compare_replay(const Scene& scene, const std::filesystem::path& recording, const Trace& first, Findings& found) {
+    const Recording read = read_recording(recording);
+    if (read.runs.size() != 1 || !read.losses.empty() || read.runs[0].steps.size() != first.hashes.size())
+        return found.add("record and replay are the same", "the recording has lost something");
+    Simulation s = make_simulation(scene, 1);
+    for (std::size_t k = 0; k < first.hashes.size(); ++k) {
+        const RecordedStep& step = read.runs[0].steps[k];
+        advance(s, step.inputs);
+        if (step.outcome.hashes != first.hashes[k] || outcome_of(s).hashes != first.hashes[k])
+            return found.add("record and replay are the same", text("step %zu differs", k + 1));
+    }
+}
+
+Pose<double> mirrored(const Pose<double>& p) {
+    return {{p.position.x, -p.position.y, p.position.z}, {p.rotation.w, -p.rotation.x, p.rotation.y, -p.rotation.z}};
+}
+
+/// The same scene behind a mirror, the plane y = 0. Objects are their own mirror images (but meshes).
+void mirror_scene(Scene& scene) {
+    for (FingerSpec& f : scene.spec.fingers) {
+        f.start = mirrored(f.start);
+        for (Point& p : f.mesh.nodes) p[1] = -p[1];
+        for (Point& n : f.element_normal) n[1] = -n[1];
+        for (auto& t : f.mesh.tets) std::swap(t[2], t[3]);
+        for (auto& t : f.mesh.surface) std::swap(t[1], t[2]);
+    }
+    for (ObjectSpec& o : scene.spec.objects) o.pose = mirrored(o.pose);
+    for (auto& motion : scene.finger_motions)
+        for (Keyframe& k : motion.keyframes) k.pose = mirrored(k.pose);
+    for (auto& motion : scene.object_motions)
+        for (Keyframe& k : motion) k.pose = mirrored(k.pose);
+    for (Keyframe& k : scene.hand) k.pose = mirrored(k.pose);
+}
+
+/// A mirrored scene is felt the same.
+void compare_mirrored(const Scene& scene, const Trace& here, Findings& found) {
+    const auto is_mesh = [](const ObjectSpec& o) { return o.shape.kind == ShapeKind::mesh; };
+    if (has_bodies(scene) || has_friction(scene) || scene.preset != 3 || !scene.spec.thimbles.empty()) return;
+    if (std::any_of(scene.spec.objects.begin(), scene.spec.objects.end(), is_mesh)) return;
+    Scene other = scene;
+    mirror_scene(other);
+    Simulation s = make_simulation(std::move(other), 1);
+    const Trace there = watch(s, nullptr);
+    const double off = difference(here, there);
+    if (off > 0.01 && here.all_converged && there.all_converged)
+        found.add("a mirror makes no difference", text("forces differ by %.3g %%", 100 * off));
+}
+
+/// Single and double precision feel the same.
+void compare_precision(const Scene& scene, const Trace& here, Findings& found) {
+    if (has_bodies(scene) || has_friction(scene) || scene.preset != 3) return;
+    Scene other = scene;
+    for (FingerSpec& f : other.spec.fingers) f.single_precision = !f.single_precision;
+    Simulation s = make_simulation(std::move(other), 1);
+    const Trace there = watch(s, nullptr);
+    const double off = difference(here, there);
+    if (off > 0.01 && here.all_converged && there.all_converged)
+        found.add("precision makes little difference", text("forces differ by %.3g %%", 100 * off));
+}
+
 /// Turned and far away, the same is felt.
 void compare_moved(const Scene& scene, const Trace& here, Findings& found) {
     if (has_bodies(scene) || has_friction(scene) || scene.preset != 3) return;
@@ -288,18 +423,35 @@ void compare_moved(const Scene& scene, const Trace& here, Findings& found) {
         found.add("place and direction make no difference", text("forces differ by %.3g %%", 100 * off));
 }
 
-/// Half the step: close to the same where nothing sticks or rolls away.
+/// With `parts` steps for each of the scene's: their mean forces, which are what an implicit step gives.
+Trace finer_trace(const Scene& scene, std::size_t parts, std::size_t steps) {
+    Scene finer = scene;
+    finer.spec.solver.dt /= double(parts);
+    Simulation s = make_simulation(std::move(finer), 1);
+    Trace trace = watch(s, nullptr);
+    for (std::size_t k = 0; parts * (k + 1) <= trace.force.size(); ++k) {
+        std::vector<double> mean(trace.force[k].size(), 0.0);
+        for (std::size_t part = 0; part < parts; ++part)
+            for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += trace.force[parts * k + part][i] / double(parts);
+        trace.force[k] = std::move(mean);
+    }
+    trace.force.resize(steps);
+    return trace;
+}
+
+/// Half the step: close to the same where nothing sticks or rolls away. A blow that takes a few steps is not resolved
+/// by them: where half the step gives something else, a quarter must differ less from the half.
 void compare_step(const Scene& scene, const Trace& coarse, Findings& found) {
     if (has_bodies(scene) || has_friction(scene) || scene.preset != 3 || scene.spec.solver.dt > 0.0051) return;
-    Scene finer = scene;
-    finer.spec.solver.dt *= 0.5;
-    Simulation s = make_simulation(std::move(finer), 1);
-    Trace fine = watch(s, nullptr);
-    for (std::size_t k = 0; 2 * k + 1 < fine.force.size(); ++k) fine.force[k] = fine.force[2 * k + 1];
-    fine.force.resize(coarse.force.size());
-    const double off = difference(coarse, fine);
-    if (off > 0.25 && coarse.all_converged && fine.all_converged)
-        found.add("half the step gives nearly the same", text("forces differ by %.3g %%", 100 * off));
+    const Trace half = finer_trace(scene, 2, coarse.force.size());
+    const double off = difference(coarse, half);
+    if (off <= 0.25 || !coarse.all_converged || !half.all_converged) return;
+    const Trace quarter = finer_trace(scene, 4, coarse.force.size());
+    const double still_off = difference(half, quarter);
+    if (still_off > 0.75 * off && quarter.all_converged)
+        found.add("shorter steps come closer", text("forces differ by %.3g %% with half the step, by %.3g %% between "
+                                                    "that and a quarter",
+                                                    100 * off, 100 * still_off));
 }
 
 }  // namespace
@@ -308,9 +460,19 @@ std::vector<Violation> broken_laws(const std::filesystem::path& file, FingerTemp
     const Scene scene = load_scene(file, {}, templates);
     Findings found;
     Simulation s = make_simulation(scene, 1);
-    const Trace trace = watch(s, &found);
+    const std::filesystem::path recording = file.string() + ".recorded";
+    const Trace trace = [&] {
+        RunWriter recorder(recording, s, {});
+        return watch(s, &found, &recorder);
+    }();
+    compare_replay(scene, recording, trace, found);
+    std::filesystem::remove(recording);
     compare_threads(scene, trace, found);
     compare_order(scene, trace, found);
+    compare_object_order(scene, trace, found);
+    compare_alone(scene, trace, found);
+    compare_precision(scene, trace, found);
+    compare_mirrored(scene, trace, found);
     compare_moved(scene, trace, found);
     compare_step(scene, trace, found);
     return found.all;
