@@ -68,10 +68,10 @@ Descent descend_from_the_sides(const DeviceModel& model, const std::vector<Match
     if (settings.sideways_starts == 0 || found.w.size() < 2 || found.value < nothing_to_gain) return best;
     const Platform platform = model.kind->platform(model, found.w);
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    int touching = 0;
+    double weights = 0;
     for (const MatchingPoint& p : points)
-        if (p.touches) centre += p.position, ++touching;
-    centre /= touching;
+        if (p.touches) centre += p.weight * p.position, weights += p.weight;
+    centre /= weights;
     centre -= platform.normal.dot(centre - platform.centre) * platform.normal;
 
     // Moves of w that slide the platform along itself and leave its plane: there are two, or none.

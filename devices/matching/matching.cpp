@@ -22,14 +22,13 @@ MatchingResult finish(const DeviceModel& model, const std::vector<MatchingPoint>
     r.residual = matching_objective(model, points, settings, previous, w).value;
     r.constraint_active = joint_margins(model, r.q).minCoeff() < 1e-5;
     const Platform platform = model.kind->platform(model, w);
-    double sum = 0;
-    int count = 0;
+    double sum = 0, weights = 0;
     for (const MatchingPoint& p : points)
         if (p.touches) {
             const double d = disk_distance(p.position, platform, model.disk_radius).value;
-            sum += d * d, ++count;
+            sum += p.weight * d * d, weights += p.weight;
         }
-    r.rms_m = count ? std::sqrt(sum / count) : 0;
+    r.rms_m = weights > 0 ? std::sqrt(sum / weights) : 0;
     return r;
 }
 
@@ -103,13 +102,13 @@ MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingP
     const Coordinates start = usable_start(model, previous);
     if (!has_contact(model, points, settings, start, result)) return result;
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    int count = 0;
+    double weights = 0;
     for (const MatchingPoint& p : points)
-        if (p.touches) centre += p.position, ++count;
-    centre /= count;
+        if (p.touches) centre += p.weight * p.position, weights += p.weight;
+    centre /= weights;
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
     for (const MatchingPoint& p : points)
-        if (p.touches) covariance += (p.position - centre) * (p.position - centre).transpose();
+        if (p.touches) covariance += p.weight * (p.position - centre) * (p.position - centre).transpose();
     // Where points leave a direction free, the platform stays level.
     const double level = 1e-6 * covariance.trace() + 1e-12;
     covariance.diagonal() += Eigen::Vector3d(level, level, 0);

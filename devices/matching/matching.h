@@ -13,6 +13,7 @@ namespace palpate {
 struct MatchingPoint {
     Eigen::Vector3d position;  ///< deformed, device frame [m]
     bool touches = false;      ///< in C_O (true) or N_O (false)
+    double weight = 1;         ///< of its distance in Eq. 3: samples of a mesh stand for areas of different size
 };
 
 /// Distance of a point to the platform, with derivatives with respect to its centre and normal.

@@ -19,21 +19,22 @@ struct PlatformSums {
     Matrix6d hessian = Matrix6d::Zero();   ///< J' J, lower half
     // Samples over the platform's face: residual h = offset . normal, row [-normal, offset]. Their sums are of offsets
     // alone, and are put together at the end.
-    double count = 0, heights = 0;
+    double weight = 0, heights = 0;
     Eigen::Vector3d offsets = Eigen::Vector3d::Zero(), height_offsets = Eigen::Vector3d::Zero();
     std::array<double, 6> products{};  ///< of offsets: xx, yx, yy, zx, zy, zz
 };
 
 template <bool with_hessian>
-void add_above_face(PlatformSums& sums, double height, const Eigen::Vector3d& offset) {
-    sums.value += height * height;
-    sums.heights += height;
-    sums.height_offsets += height * offset;
+void add_above_face(PlatformSums& sums, double height, const Eigen::Vector3d& offset, double weight) {
+    const double weighted = weight * height;
+    sums.value += weighted * height;
+    sums.heights += weighted;
+    sums.height_offsets += weighted * offset;
     if constexpr (with_hessian) {
-        sums.count += 1;
-        sums.offsets += offset;
+        sums.weight += weight;
+        sums.offsets += weight * offset;
         for (int i = 0, k = 0; i < 3; ++i)
-            for (int j = 0; j <= i; ++j, ++k) sums.products[std::size_t(k)] += offset[i] * offset[j];
+            for (int j = 0; j <= i; ++j, ++k) sums.products[std::size_t(k)] += weight * offset[i] * offset[j];
     }
 }
 
@@ -42,7 +43,7 @@ void put_together(PlatformSums& sums, const Eigen::Vector3d& normal) {
     sums.gradient.head<3>() -= sums.heights * normal;
     sums.gradient.tail<3>() += sums.height_offsets;
     if constexpr (with_hessian) {
-        sums.hessian.topLeftCorner<3, 3>() += sums.count * normal * normal.transpose();
+        sums.hessian.topLeftCorner<3, 3>() += sums.weight * normal * normal.transpose();
         sums.hessian.bottomLeftCorner<3, 3>() -= sums.offsets * normal.transpose();
         for (int i = 0, k = 0; i < 3; ++i)
             for (int j = 0; j <= i; ++j, ++k) sums.hessian(3 + i, 3 + j) += sums.products[std::size_t(k)];
@@ -50,13 +51,14 @@ void put_together(PlatformSums& sums, const Eigen::Vector3d& normal) {
 }
 
 template <bool with_hessian>
-void add(PlatformSums& sums, double residual, const Eigen::Vector3d& dcentre, const Eigen::Vector3d& dnormal) {
+void add(PlatformSums& sums, double residual, const Eigen::Vector3d& dcentre, const Eigen::Vector3d& dnormal,
+         double weight) {
     Vector6d row;
     row << dcentre, dnormal;
-    sums.value += residual * residual;
-    sums.gradient += residual * row;
+    sums.value += weight * residual * residual;
+    sums.gradient += weight * residual * row;
     if constexpr (with_hessian)
-        for (int k = 0; k < 6; ++k) sums.hessian.col(k).tail(6 - k) += row[k] * row.tail(6 - k);
+        for (int k = 0; k < 6; ++k) sums.hessian.col(k).tail(6 - k) += weight * row[k] * row.tail(6 - k);
 }
 
 /// One sample of Eq. 3. Above the platform's face nothing needs a square root.
@@ -67,11 +69,11 @@ void add_sample(PlatformSums& sums, const MatchingPoint& point, const Platform& 
     const double height = offset.dot(platform.normal);
     if (!point.touches && height >= clearance) return;  // the distance to the cone is no smaller
     if (point.touches && offset.squaredNorm() - height * height <= radius * radius)
-        return add_above_face<with_hessian>(sums, height, offset);
+        return add_above_face<with_hessian>(sums, height, offset, point.weight);
     const DiskDistance d = point.touches ? disk_distance(point.position, platform, radius)
                                          : cone_distance(point.position, platform, radius);
     const double excess = point.touches ? d.value : d.value - clearance;
-    if (point.touches || excess < 0) add<with_hessian>(sums, excess, d.dcentre, d.dnormal);
+    if (point.touches || excess < 0) add<with_hessian>(sums, excess, d.dcentre, d.dnormal, point.weight);
 }
 
 template <bool with_hessian>

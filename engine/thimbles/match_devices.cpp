@@ -1,4 +1,6 @@
 
+#include <numeric>
+
 #include "devices/matching/least_squares.h"
 #include "devices/matching/platform_force.h"
 #include "engine/systems.h"
@@ -45,6 +47,8 @@ void read_samples(const ContactSurface& surface, Matching& m) {
     const Eigen::Vector3d rest = m.model.mount.linear() * m.model.kind->platform(m.model, m.model.rest).normal;
     const Vec3<double> towards_finger =
         rotation_matrix(surface.bone.rotation) * Vec3<double>{rest.x(), rest.y(), rest.z()};
+    const double mean_area =
+        std::accumulate(surface.area.begin(), surface.area.end(), 0.0) / double(surface.area.size());
     m.beside_N = 0;
     for (std::size_t s = 0; s < surface.position.size(); ++s) {
         const Vec3<double>& p = surface.position[s];
@@ -52,6 +56,7 @@ void read_samples(const ContactSurface& surface, Matching& m) {
         const double force = norm(surface.pressing[s]);
         const bool beside = surface.touches[s] && dot(surface.pressing[s], towards_finger) < from_beside * force;
         m.points[s].touches = surface.touches[s] && !beside;
+        m.points[s].weight = surface.area[s] / mean_area;
         if (beside) m.beside_N += force;
     }
 }
