@@ -3,6 +3,7 @@
 #include <toml++/toml.h>
 #include <sstream>
 
+#include "scenes/load/scene.h"
 #include "scenes/load/section.h"
 
 namespace palpate {
@@ -34,6 +35,24 @@ bool take_out(toml::node& node, const std::string& key) {
     return true;
 }
 
+/// What is wrong with taking out a key that stands nowhere: nothing, if a scene could have it there.
+std::string unknown_key(const std::vector<std::string>& keys) {
+    const KeyInfo scene = scene_keys();
+    const KeyInfo* table = &scene;
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+        std::vector<std::string> known;
+        const KeyInfo* found = nullptr;
+        for (const KeyInfo& k : table->keys) {
+            known.push_back(k.name);
+            if (k.name == keys[i]) found = &k;
+        }
+        if (!found) return "there is no key '" + keys[i] + "' to take out; " + nearest_or_all(keys[i], known);
+        if (found->type == KeyInfo::Type::tables) ++i;  // the name or number of an entry
+        table = found;
+    }
+    return "";
+}
+
 }  // namespace
 
 void apply_override(toml::table& root, const std::string& assignment, Problems& problems) {
@@ -55,7 +74,12 @@ void apply_override(toml::table& root, const std::string& assignment, Problems& 
         if (!node) return problems.add(nullptr, where + "there is no '" + keys[i] + "' to set");
     }
     const std::string value = assignment.substr(equals + 1);
-    if (value == "none" && take_out(*node, keys.back())) return;
+    if (value == "none") {
+        const bool stands = node->is_table() && node->as_table()->contains(keys.back());
+        const std::string wrong = stands || node->is_array() ? "" : unknown_key(keys);
+        if (!wrong.empty()) return problems.add(nullptr, where + wrong);
+        if (take_out(*node, keys.back())) return;
+    }
     if (node->is_array() || !node->is_table() || keys.empty())
         return problems.add(nullptr, where + "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table");
     toml::table parsed;

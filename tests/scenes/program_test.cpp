@@ -105,6 +105,20 @@ TEST(Program, MeshReportsTheBuiltInFinger) {
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "pad.vtu"));
 }
 
+TEST(Program, TakingOutAKeyThatThereIsNotIsRefused) {
+    for (const char* path : {"limtis", "finger.index.limtis"}) {
+        const Outcome o = palpate_program("run " + scenes + "press.toml --set " + path + "=none --set duration_s=0.01");
+        EXPECT_EQ(o.code, 2) << o.out;
+        EXPECT_NE(o.out.find("did you mean 'limits'?"), std::string::npos) << o.out;
+    }
+    // One that a scene could have, and this one has not, is as it should be.
+    ScratchFolder scratch;
+    EXPECT_EQ(palpate_program("run " + scenes + "press.toml --set finger.index.limits=none --set duration_s=0.01 --out " +
+                              (scratch.path / "out").string())
+                  .code,
+              0);
+}
+
 TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
     const Outcome o = palpate_program("explain " + scenes + "press.toml");
     EXPECT_EQ(o.code, 0);
