@@ -113,10 +113,11 @@ TEST(Program, TakingOutAKeyThatThereIsNotIsRefused) {
     }
     // One that a scene could have, and this one has not, is as it should be.
     ScratchFolder scratch;
-    EXPECT_EQ(palpate_program("run " + scenes + "press.toml --set finger.index.limits=none --set duration_s=0.01 --out " +
-                              (scratch.path / "out").string())
-                  .code,
-              0);
+    EXPECT_EQ(
+        palpate_program("run " + scenes + "press.toml --set finger.index.limits=none --set duration_s=0.01 --out " +
+                        (scratch.path / "out").string())
+            .code,
+        0);
 }
 
 TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
