@@ -181,7 +181,7 @@ struct LiveRun {
             if (s.world.device_links[t].retreat > 0)
                 now +=
                     (now.empty() ? "" : ", ") + s.scene.spec.fingers[std::size_t(s.scene.spec.thimbles[t].finger)].name;
-        if (now != silent) server.tell({{"silent", now}});
+        if (now != silent) server.tell_all({{"silent", now}});
         silent = now;
     }
 
@@ -194,7 +194,7 @@ struct LiveRun {
             if (!simulation->hardware || newest_report(*simulation->hardware, int(t)).status.mode == ThimbleMode::fault)
                 now += (now.empty() ? "" : ", ") +
                        simulation->scene.spec.fingers[std::size_t(simulation->scene.spec.thimbles[t].finger)].name;
-        if (now != faults) server.tell({{"faults", now}});
+        if (now != faults) server.tell_all({{"faults", now}});
         faults = now;
     }
 

@@ -18,8 +18,9 @@ constexpr JsonBounds command_bounds{4096, 8};
 struct ViewServer::State {
     std::string token = random_token();
     bool any_address = false;
-    std::mutex page_mutex, command_mutex;
+    std::mutex page_mutex, command_mutex, standing_mutex;
     std::string page;
+    nlohmann::json standing = nlohmann::json::object();  ///< what newcomers are told
     std::vector<ViewCommand> commands;
     std::unique_ptr<WebServer> web;  ///< ends first
 
@@ -60,6 +61,10 @@ ViewServer::ViewServer(int port, bool any_address) : state_(std::make_unique<Sta
     handlers.accepts = [&s](const HttpHead& head, const WebPeer&) {
         return head.path() == "/frames" && s.knows_token(head) && s.is_own_page(head);
     };
+    handlers.greeting = [&s] {
+        const std::lock_guard lock(s.standing_mutex);
+        return s.standing.empty() ? std::string() : s.standing.dump();
+    };
     handlers.message = [&s](const WebPeer& peer, const std::string& text) { return s.take(peer, text); };
     WebLimits limits;
     limits.message_bytes = command_bounds.size;
@@ -93,6 +98,14 @@ void ViewServer::set_page(std::string page) {
 void ViewServer::publish(std::vector<std::uint8_t>& frame) { state_->web->send_newest(frame); }
 
 void ViewServer::tell(const nlohmann::json& message) { state_->web->send_text(message.dump()); }
+
+void ViewServer::tell_all(const nlohmann::json& message) {
+    {
+        const std::lock_guard lock(state_->standing_mutex);
+        state_->standing.update(message);
+    }
+    tell(message);
+}
 
 std::vector<ViewCommand> ViewServer::take_commands() {
     const std::lock_guard lock(state_->command_mutex);

@@ -34,6 +34,8 @@ class ViewServer {
     void publish(std::vector<std::uint8_t>& frame);
     /// Sends a text to every client.
     void tell(const nlohmann::json& message);
+    /// The same, and to whoever comes later: what holds until it is told anew.
+    void tell_all(const nlohmann::json& message);
     /// What clients have asked for since the last call. What is no object, or beyond 4 kB, was dropped.
     std::vector<ViewCommand> take_commands();
 

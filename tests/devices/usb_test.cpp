@@ -1,5 +1,8 @@
 // The unmodified program and emulated Maestro boards on USB.
 
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -343,6 +346,52 @@ TEST_F(Usb, AViewedSceneThatBeginsAgainDoesNotReArm) {
     ASSERT_TRUE(happened(testing::plugged_in)) << o.out;
     expect_latched(events(), 0);
     expect_safe(events());
+}
+
+/// An address of this machine that is not its loopback, or "".
+std::string other_address() {
+    ifaddrs* all = nullptr;
+    std::string found;
+    if (::getifaddrs(&all)) return "";
+    for (const ifaddrs* a = all; a && found.empty(); a = a->ifa_next) {
+        if (!a->ifa_addr || a->ifa_addr->sa_family != AF_INET || a->ifa_flags & IFF_LOOPBACK ||
+            !(a->ifa_flags & IFF_UP))
+            continue;
+        char name[INET_ADDRSTRLEN] = "";
+        ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(a->ifa_addr)->sin_addr, name, sizeof name);
+        found = name;
+    }
+    ::freeifaddrs(all);
+    return found;
+}
+
+TEST_F(Usb, FromAnotherAddressNobodyReArmsUnlessThatWasAskedFor) {
+    const std::string away = other_address();
+    if (away.empty()) GTEST_SKIP() << "this machine has no address but its loopback";
+    struct Case {
+        std::string address, option;
+        bool may;
+    };
+    for (const Case& c : {Case{away, "--any-address", false}, Case{away, "--any-address --remote-arm", true},
+                          Case{"127.0.0.1", "--any-address", true}}) {
+        const std::string said = (scratch.path / "said").string();
+        std::ofstream(said).close();
+        const Outcome o =
+            emulate("--fault unplug@150 --replug-ms 100" + logged(),
+                    "sh -c '" + program + " view " + scene(1, 60) + " --arm --port 0 " + c.option + " > " + said +
+                        " & p=$!; python3 " + testing::source_dir() + "/tests/devices/rearm_from.py " + c.address +
+                        " " + said + "; kill -INT $p; wait $p'");
+        SCOPED_TRACE(c.address + " " + c.option + "\n" + o.out);
+        EXPECT_EQ(o.out.find("let in:"), std::string::npos);
+        EXPECT_SAYS(o, "a page with the token is let in");
+        EXPECT_SAYS(o, "told to newcomers: f0");
+        ASSERT_TRUE(happened(testing::plugged_in));
+        expect_safe(events());
+        EXPECT_EQ(o.out.find("armed again") != std::string::npos, c.may);
+        if (c.may) continue;
+        EXPECT_SAYS(o, "answer: thimbles are armed: that takes someone at their machine, or view --remote-arm");
+        expect_latched(events(), 0);
+    }
 }
 
 TEST_F(Usb, ASecondCtrlCEndsAtOnceAfterTheRestPose) {
