@@ -116,14 +116,21 @@ void place_lanes(ForceMatcher& m, const DeviceModel& model, const Coordinates& c
         m.lane_w[std::size_t(lane)] = trials[std::size_t(t)];
 }
 
+/// The shortest turn that takes z to a unit vector; where that is -z, about x. Eigen's FromTwoVectors has the same
+/// bits, but for that one case it brings a singular value decomposition along, which takes ten seconds to compile.
+Quaternion<double> turn_of_z_onto(const Eigen::Vector3d& n) {
+    if (1 + n.z() < 1e-12) return {0, 1, 0, 0};
+    const double s = std::sqrt(2 * (1 + n.z())), inverse = 1 / s;
+    return {0.5 * s, -n.y() * inverse, n.x() * inverse, 0};
+}
+
 }  // namespace
 
 Pose<double> platform_pose(const DeviceModel& model, const Coordinates& w) {
     const Platform p = model.kind->platform(model, w);
     const Eigen::Vector3d normal = model.mount.linear() * p.normal;
     const Eigen::Vector3d centre = model.mount * p.centre - 0.5 * platform_thickness * normal;
-    const Eigen::Quaterniond q = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal);
-    return {{centre.x(), centre.y(), centre.z()}, {q.w(), q.x(), q.y(), q.z()}};
+    return {{centre.x(), centre.y(), centre.z()}, turn_of_z_onto(normal.normalized())};
 }
 
 Shape platform_shape(const DeviceModel& model) {

@@ -2,7 +2,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
@@ -12,13 +11,14 @@ namespace {
 
 Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
-using Vector = Eigen::VectorXd;
-using Matrix = Eigen::MatrixXd;
+// Of at most six components: products are plain loops, not Eigen's for large matrices.
+using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
 
 /// A disc of the Minkowski sum: how its sample moves with the kept components.
 struct Disc {
     double limit;
-    Eigen::Matrix<double, 3, Eigen::Dynamic> map;
+    Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 6> map;
 };
 
 struct Support {
@@ -39,6 +39,15 @@ Support support(const std::vector<Disc>& discs, const Vector& now, const Vector&
         s.curvature += disc.limit / length * disc.map.transpose() * K * disc.map;
     }
     return s;
+}
+
+/// Columns that span what is normal to a unit vector: those of the Householder reflection that takes it to the first
+/// axis.
+Matrix normal_to(const Vector& d) {
+    Vector v = d;
+    v[0] += d[0] < 0 ? -1 : 1;
+    const Matrix reflection = Matrix::Identity(d.size(), d.size()) - v * (2 / v.squaredNorm() * v.transpose());
+    return reflection.rightCols(d.size() - 1);
 }
 
 }  // namespace
@@ -64,8 +73,7 @@ double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wren
         now += discs.back().map.transpose() * eigen(s.friction) / total;
     }
     // Least support over directions u with u d = 1: u = d + B y.
-    const Matrix Q = Eigen::HouseholderQR<Matrix>(Matrix(d)).householderQ();
-    const Matrix B = Q.rightCols(kept.cols() - 1);
+    const Matrix B = normal_to(d);
     Vector u = d;
     double least = support(discs, now, u, 0).value;
     for (double blur = 0.3; blur > 1e-7 && B.cols() > 0; blur *= 0.3)

@@ -569,10 +569,12 @@ TEST_F(Usb, AnySequenceOfFaultsStaysSafeWhereAPersonReArmsAtOnce) {
 TEST_F(Usb, UnpluggingLeavesNoMemoryBehindThatIsUsed) {
     if (shell("command -v valgrind").code != 0) GTEST_SKIP() << "valgrind is not installed";
     const Outcome o =
-        emulate("--fault unplug@150 --replug-ms 100",
+        emulate("--fault unplug@150 --replug-ms 100" + logged(),
                 "valgrind -q --undef-value-errors=no --error-exitcode=99 " + probe + " --seconds 3 --rearm 1");
     EXPECT_LE(o.code, 2) << o.out;
-    EXPECT_SAYS(o, "active to faulted: unplugged");
+    // Where the machine stands still, the first that valgrind's program sees of it may be transfers that do not end.
+    EXPECT_TRUE(happened(testing::unplugged)) << o.out;
+    EXPECT_SAYS(o, "active to faulted: ");
     EXPECT_EQ(o.out.find("Invalid"), std::string::npos) << o.out;
 }
 

@@ -161,13 +161,19 @@ TEST(Keys, WrongScenesDoNotFitTheSchema) {
         EXPECT_FALSE(problems_of(schema, wrong).empty()) << wrong;
 }
 
+/// Meshed once for all scenes of a test.
+FingerTemplates& meshes() {
+    static FingerTemplates all;
+    return all;
+}
+
 /// What the loader says of a scene with these settings; without a finger no mesh is built.
 std::string refusal(const std::vector<std::string>& settings, const std::string& scene = "title = \"x\"\n") {
     const testing::ScratchFolder scratch;
     const auto file = scratch.path / "scene.toml";
     std::ofstream(file) << scene;
     try {
-        load_scene(file, settings);
+        load_scene(file, settings, &meshes());
         return "";
     } catch (const InputError& error) { return error.what(); }
 }
@@ -242,7 +248,7 @@ TEST(Keys, OlderNamesAreAcceptedWithANote) {
     const auto file = scratch.path / "scene.toml";
     const std::string finger = "[[finger]]\nname = \"f\"\nelements = 20\n";
     std::ofstream(file) << finger << "[solver]\npreset = \"real-time\"\ndetail = \"auto\"\ndetail_error = 0.02\n";
-    const Scene older = load_scene(file);
+    const Scene older = load_scene(file, {}, &meshes());
     EXPECT_EQ(older.spec.solver.detail_error, 0.02);
     EXPECT_EQ(older.spec.solver.newton_iterations, 2);
     ASSERT_EQ(older.notes.size(), 2u);
@@ -250,11 +256,11 @@ TEST(Keys, OlderNamesAreAcceptedWithANote) {
     EXPECT_NE(older.notes[0].find("level_of_detail now"), std::string::npos) << older.notes[0];
     EXPECT_TRUE(older.warnings.empty());
     // What the command line says wins, under either name.
-    EXPECT_EQ(load_scene(file, {"solver.level_of_detail_error=0.03"}).spec.solver.detail_error, 0.03);
+    EXPECT_EQ(load_scene(file, {"solver.level_of_detail_error=0.03"}, &meshes()).spec.solver.detail_error, 0.03);
     std::ofstream(file) << finger << "[solver]\nlevel_of_detail = \"full\"\n";
-    EXPECT_GT(load_scene(file, {"solver.detail=auto"}).spec.solver.detail_error, 0);
+    EXPECT_GT(load_scene(file, {"solver.detail=auto"}, &meshes()).spec.solver.detail_error, 0);
     std::ofstream(file) << finger << "[solver]\nlevel_of_detail = \"full\"\ndetail = \"auto\"\n";
-    EXPECT_THROW(load_scene(file), InputError);
+    EXPECT_THROW(load_scene(file, {}, &meshes()), InputError);
 }
 
 }  // namespace

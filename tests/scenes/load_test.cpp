@@ -31,20 +31,21 @@ class SceneFiles : public ::testing::Test {
         const auto path = scratch_.path / "scene.toml";
         std::ofstream(path) << text;
         try {
-            load_scene(path, overrides);
+            load_scene(path, overrides, &meshes_);
             return "";
         } catch (const InputError& error) { return error.what(); }
     }
     std::vector<std::string> warnings(const std::string& text, const std::vector<std::string>& overrides = {}) {
         const auto path = scratch_.path / "scene.toml";
         std::ofstream(path) << text;
-        return load_scene(path, overrides).warnings;
+        return load_scene(path, overrides, &meshes_).warnings;
     }
     static std::string replaced(std::string text, const std::string& from, const std::string& to) {
         text.replace(text.find(from), from.size(), to);
         return text;
     }
     testing::ScratchFolder scratch_;
+    FingerTemplates meshes_;  // meshed once for all scenes of a test
 };
 
 #define EXPECT_SAYS(message, part) EXPECT_NE((message).find(part), std::string::npos) << "found: " << (message)
@@ -377,7 +378,7 @@ TEST_F(SceneFiles, ConformingMeshesAndPatches) {
     EXPECT_EQ(refusal(conforming), "");
     const auto path = scratch_.path / "conforming.toml";
     std::ofstream(path) << conforming;
-    const TetMesh& mesh = load_scene(path).spec.fingers[0].mesh;
+    const TetMesh mesh = load_scene(path, {}, &meshes_).spec.fingers[0].mesh;
     EXPECT_EQ(mesh.patches.size(), mesh.tets.size());
     // Fingers that differ in size share their template, and with it their lanes.
     std::string two = conforming + conforming.substr(conforming.find("[[finger]]"));
@@ -385,7 +386,7 @@ TEST_F(SceneFiles, ConformingMeshesAndPatches) {
     two = replaced(two, "name = \"index\"\nelements = 300\nshape = { finger = \"thumb\" }",
                    "name = \"thumb\"\nelements = 300\nshape = { finger = \"thumb\" }");
     std::ofstream(path) << two;
-    const Scene scene = load_scene(path);
+    const Scene scene = load_scene(path, {}, &meshes_);
     EXPECT_EQ(scene.spec.fingers[0].mesh.tets, scene.spec.fingers[1].mesh.tets);
     EXPECT_EQ(scene.spec.fingers[0].mesh.patches, scene.spec.fingers[1].mesh.patches);
 
