@@ -2,6 +2,7 @@
 
 #include <numbers>
 
+#include "devices/matching/fitted.h"
 #include "devices/matching/least_squares.h"
 
 namespace palpate {
@@ -45,7 +46,7 @@ Descent descend_from_everywhere(const DeviceModel& model, const std::vector<Matc
     const Coordinates low = model.kind->open_chain ? model.joint_min : model.kind->configuration_min;
     const Coordinates high = model.kind->open_chain ? model.joint_max : model.kind->configuration_max;
     Descent best;
-    for (int k = 1; k <= 64; ++k) {
+    for (int k = 1; k <= fitted::starts_everywhere; ++k) {
         Coordinates w(previous.size());
         for (std::ptrdiff_t i = 0; i < w.size(); ++i) {
             double f = 1, u = 0;
@@ -64,8 +65,7 @@ Descent descend_from_everywhere(const DeviceModel& model, const std::vector<Matc
 Descent descend_from_the_sides(const DeviceModel& model, const std::vector<MatchingPoint>& points,
                                const MatchingSettings& settings, const Coordinates& previous, const Descent& found) {
     Descent best;
-    constexpr double nothing_to_gain = 1e-6;  // [mm^2]
-    if (settings.sideways_starts == 0 || found.w.size() < 2 || found.value < nothing_to_gain) return best;
+    if (settings.sideways_starts == 0 || found.w.size() < 2 || found.value < fitted::nothing_to_gain) return best;
     const Platform platform = model.kind->platform(model, found.w);
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     double weights = 0;
@@ -75,7 +75,7 @@ Descent descend_from_the_sides(const DeviceModel& model, const std::vector<Match
     centre -= platform.normal.dot(centre - platform.centre) * platform.normal;
 
     // Moves of w that slide the platform along itself and leave its plane: there are two, or none.
-    constexpr double lever = 0.01;  // [m/rad]
+    constexpr double lever = fitted::slide_lever;
     Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, max_device_dimension> J(6, found.w.size());
     J << platform.dcentre, lever * platform.dnormal;
     const Coordinates& scale = model.kind->configuration_scale;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "devices/matching/descent.h"
+#include "devices/matching/fitted.h"
 #include "devices/matching/least_squares.h"
 #include "devices/matching/slsqp.h"
 
@@ -121,7 +122,7 @@ MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingP
     Coordinates w = model.rest;
     for (int i = 0; i < 20; ++i) {
         const Platform platform = model.kind->platform(model, w);
-        constexpr double lever = 100;  // 10 mm off the plane weigh as much as one radian
+        constexpr double lever = fitted::plane_lever;
         Eigen::Matrix<double, 4, Eigen::Dynamic, 0, 4, max_device_dimension> J(4, w.size());
         J.topRows<3>() = platform.dnormal;
         J.row(3) = lever * normal.transpose() * platform.dcentre;

@@ -6,6 +6,7 @@
 #include <array>
 #include <vector>
 
+#include "devices/matching/fitted.h"
 #include "devices/matching/matching.h"
 
 namespace palpate {
@@ -15,7 +16,7 @@ namespace palpate {
 /// contact costs and not what the mesh does.
 struct NearSamples {
     static constexpr int capacity = 256;
-    static constexpr double trust = 0.004;  ///< [m]
+    static constexpr double trust = fitted::trust;  ///< [m]
     const std::vector<MatchingPoint>* points = nullptr;
     std::array<int, capacity> index;  ///< into points
     int count = 0;

@@ -75,7 +75,7 @@ void collect(const Work& w, const SkinChunk<T>& c, int lane, int slot, bool of_b
         p.offset = double(c.state.contact_offset[i]);
         const double base = double(c.rest.contact_penalty[s * W + std::size_t(lane)]);
         p.k = base * scale;
-        p.k_slip = base * std::min(scale, 16.0);
+        p.k_slip = base * std::min(scale, fitted::largest_slip_scale);
         if (!rubs) continue;
         p.before = inverse_transform(side, origin + sample_of(c, c.scratch.start_position, s, lane));
         p.friction_radius = double(c.state.friction_radius[i]);
@@ -134,11 +134,12 @@ double imbalance(const Motion& gradient) { return gradient.head<3>().norm() + gr
 /// Newton on the six motions of the plane, fingers as they are, damped where it leads nowhere (Levenberg-Marquardt):
 /// where both sides slide, the potential is a valley that is nearly flat along the slip.
 Pose<double> balanced(const FingerPairs& pairs, Pose<double> plane) {
-    constexpr double close_enough = 1e-10;  // of the forces
-    constexpr int most = 40;
+    using namespace fitted;
     PlaneTerms here = evaluate_plane(pairs, plane);
-    double damping = 1e-9;
-    for (int k = 0; k < most && imbalance(here.gradient) > close_enough * here.force && damping < 1e6; ++k) {
+    double damping = least_plane_damping;
+    for (int k = 0; k < most_plane_steps && imbalance(here.gradient) > plane_balance * here.force &&
+                    damping < largest_plane_damping;
+         ++k) {
         MotionMatrix H = here.curvature;
         const double slack = damping * (H.diagonal().head<3>().maxCoeff() + 1);
         for (int d = 0; d < 6; ++d) H(d, d) += d < 3 ? slack : slack * plane_size * plane_size;
@@ -150,7 +151,7 @@ Pose<double> balanced(const FingerPairs& pairs, Pose<double> plane) {
         const bool better =
             rounded ? imbalance(there.gradient) < 0.9 * imbalance(here.gradient) : there.energy < here.energy;
         if (better) plane = tried, here = there;
-        damping = better ? std::max(1e-9, 0.03 * damping) : 10 * damping;
+        damping = better ? std::max(least_plane_damping, less_plane_damping * damping) : more_plane_damping * damping;
     }
     return plane;
 }
@@ -162,7 +163,7 @@ bool correct_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
     double force = 0;
     const Vec3<double> z = rotation_matrix(plane.rotation).column(2);
     const Eigen::Vector3d n(z.x, z.y, z.z);
-    auto way_of = [&](const PlaneSample& p) {
+    auto motion_at = [&](const PlaneSample& p) {
         Eigen::Matrix<double, 3, 6> P = point_motion(p.x - plane.position);
         P.rightCols<3>() /= plane_size;
         if (!rubs) P = (n * (n.transpose() * P)).eval();
@@ -171,7 +172,7 @@ bool correct_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
     for (const PlaneSample& p : pairs.samples) {
         const Eigen::Vector3d g(p.gradient.x, p.gradient.y, p.gradient.z);
         if (!(g.norm() > 0)) continue;
-        const Eigen::Matrix<double, 3, 6> P = way_of(p);
+        const Eigen::Matrix<double, 3, 6> P = motion_at(p);
         left += P.transpose() * g;
         M += g.norm() * (P.transpose() * P);
         force += g.norm();
@@ -185,7 +186,7 @@ bool correct_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
     for (PlaneSample& p : pairs.samples) {
         const double share = norm(p.gradient);
         if (!(share > 0)) continue;
-        const Eigen::Vector3d change = share * (way_of(p) * y);
+        const Eigen::Vector3d change = share * (motion_at(p) * y);
         p.gradient += Vec3<double>{change.x(), change.y(), change.z()};
         // Nothing pulls: a's samples press against z, b's along it.
         if (const double along = dot(p.gradient, z); p.of_b ? along < 0 : along > 0) p.gradient -= along * z;
@@ -235,7 +236,7 @@ void keep_forces(const Work& w, SkinChunk<T>& c, int lane, bool of_b, const Pose
     if (added > 0) residual = more * more;
     // Where the solve was done, next to nothing changes.
     const double scale = std::max({load, c.exchange.lanes[std::size_t(lane)].coupling_force, 0.01});
-    if (added > scale * scale * 1e-6) pair_island.progress.converged = false;
+    if (added > scale * scale * fitted::plane_correction) pair_island.progress.converged = false;
 }
 
 bool has_failed(const Work& w, std::size_t plane) { return w.s.islands[w.s.bodies[plane].island].progress.failed; }

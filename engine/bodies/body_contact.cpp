@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/bodies/fitted.h"
 #include "engine/contact/sides.h"
 
 namespace palpate {
@@ -93,9 +94,7 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
 }
 
 void undo_overlap(FeatureContact& c, double overlap, double recovery) {
-    // Solves that end early leave some hundredths of a millimetre; what is deeper was there before.
-    constexpr double begins = 1e-4, ends = 1e-5;
-    const bool undo = overlap > (c.undone > 0 ? ends : begins);
+    const bool undo = overlap > (c.undone > 0 ? fitted::overlap_ends : fitted::overlap_begins);
     c.offset = undo ? std::min(0.0, recovery - overlap) : 0;
     c.undone = undo ? std::min(overlap, recovery) : 0;
     if (undo) c.normal_multiplier = 0;
@@ -154,7 +153,7 @@ double load_penalty(const BodyPair& pair) {
     double load = 0;
     for (const FeatureContact& c : pair.contacts)
         if (c.undone <= 0) load += c.normal_multiplier;
-    return load / 1e-4;
+    return load / fitted::deepest_under_load;
 }
 
 }  // namespace palpate

@@ -188,7 +188,6 @@ void end_bodies(Work& w) {
 
 /// Bodies whose whole island has been at rest for a while, without a finger near, fall asleep.
 void put_to_sleep(Work& w) {
-    constexpr int long_enough = 20;
     for (int i = 0; i < w.s.island_count; ++i) {
         Island& island = w.s.islands[i];
         bool still = island.progress.converged && w.solver.inertia && w.solver.sleep_speed > 0;
@@ -212,7 +211,7 @@ void put_to_sleep(Work& w) {
             if (is_plane(w, b)) continue;
             RigidBody& body = w.bodies[b];
             body.still_steps = w.s.islands[i].following ? body.still_steps + 1 : 0;
-            body.asleep = body.still_steps >= long_enough;
+            body.asleep = body.still_steps >= fitted::steps_to_sleep;
             if (body.asleep) body.velocity = body.angular_momentum = body.acceleration = {0, 0, 0};
         }
 }

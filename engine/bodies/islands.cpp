@@ -40,9 +40,10 @@ bool may_touch(const BodyWork& w, int a, int b) {
     // A ball's one feature is exact against anything; the other's points against it would count the contact twice.
     if (kind_b == ShapeKind::sphere && (kind_a != ShapeKind::sphere || a > b)) return false;
     const ContactBody &of_a = w.s.objects[a], &of_b = w.s.objects[b];
-    const double way = 1e-3 + 2 * w.solver.dt * (of_a.speed + of_b.speed) + 20 * w.solver.dt * w.solver.dt;
-    if (norm(of_a.centre - of_b.centre) > w.s.reach[a] + w.s.reach[b] + way) return false;
-    return surface_point(*of_b.shape, of_b.pose, of_a.centre).distance < w.s.reach[a] + way;
+    const double travel =
+        fitted::near_gap + 2 * w.solver.dt * (of_a.speed + of_b.speed) + 20 * w.solver.dt * w.solver.dt;
+    if (norm(of_a.centre - of_b.centre) > w.s.reach[a] + w.s.reach[b] + travel) return false;
+    return surface_point(*of_b.shape, of_b.pose, of_a.centre).distance < w.s.reach[a] + travel;
 }
 
 double pair_friction(const BodyWork& w, const std::vector<PairFriction>& given, int a, int b) {
@@ -87,7 +88,8 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
     double mass = 1e300;
     for (int object : {p.a, p.b})
         if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
-    p.penalty = std::max({2e5, 30 * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
+    p.penalty = std::max(
+        {fitted::least_pair_penalty, fitted::pair_inertia_share * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
     begin_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b]);
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
     for (FeatureContact& c : p.contacts) {

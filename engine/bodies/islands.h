@@ -1,6 +1,7 @@
 #pragma once
 // What the bodies' solve works on, and how it groups lanes and bodies into islands.
 
+#include "engine/bodies/fitted.h"
 #include "engine/skin/solve/kernels.h"
 #include "engine/threads.h"
 #include "engine/world.h"
@@ -22,8 +23,7 @@ struct BodyWork {
 
 /// Whether a row of BodySolve::bodies is a plane between fingers.
 inline bool is_plane(const BodyWork& w, int body) { return body >= int(w.bodies.size()); }
-/// About as large as the contact of two fingers: what torques on a plane are measured by [m].
-inline constexpr double plane_size = 5e-3;
+using fitted::plane_size;
 inline double size_of(const BodyWork& w, int body) {
     return is_plane(w, body) ? plane_size : w.bodies[std::size_t(body)].size;
 }

@@ -61,8 +61,8 @@ template <class T>
 double plane_slack(const SkinChunk<T>& c, int lane) {
     const double penalty =
         double(c.rest.contact_penalty[std::size_t(lane)]) * double(c.state.penalty_scale[std::size_t(c.width + lane)]);
-    return 1e-3 * double(c.rest.tissue_stiffness[std::size_t(lane)]) +
-           1600 * double(std::numeric_limits<T>::epsilon()) * penalty;
+    return fitted::plane_tissue_share * double(c.rest.tissue_stiffness[std::size_t(lane)]) +
+           fitted::plane_roundings * double(std::numeric_limits<T>::epsilon()) * penalty;
 }
 
 /// Everything at the current positions and poses: energies, gradients, and what each island makes of them.
@@ -97,7 +97,7 @@ void evaluate_all(Work& w, bool with_matrix) {
         const double weight = 9.81 * w.bodies[b].mass;
         i.evaluation.force_floor = std::min(i.evaluation.force_floor, weight);
         // What is left unbalanced moves a light body, however hard it is gripped.
-        i.evaluation.residual_cap = std::min(i.evaluation.residual_cap, 2e-5 * weight);
+        i.evaluation.residual_cap = std::min(i.evaluation.residual_cap, fitted::unbalanced_weight * weight);
     }
     for (BodyPair& p : s.pairs) {
         if (p.a < 0) continue;
@@ -378,9 +378,6 @@ void update_all(Work& w) {
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
 
-/// A bone that is held less stiffly than this takes the push up; nothing was gained there [N/m].
-constexpr double stiffly_held = 1e4;
-
 /// What a body presses on tissue at its limits with is its inertia: multipliers, which in a short solve are updated
 /// once a step, integrate what penalties far below mass / dt^2 leave open, and push on after the body has turned back,
 /// so that it leaves with more energy than it brought. Penalties of such lanes are no lower than that.
@@ -388,19 +385,20 @@ void stiffen_against_inertia(Work& w) {
     if (!w.solver.inertia) return;
     for_each_lane(w, [&](auto& c, int lane, const Island&) {
         if (!c.has_limits || c.status[std::size_t(lane)].limited_elements == 0) return;
-        if (double(c.scratch.bone_springs[std::size_t(lane)]) < stiffly_held) return;
+        if (double(c.scratch.bone_springs[std::size_t(lane)]) < fitted::stiffly_held) return;
         using T = std::remove_reference_t<decltype(c.state.penalty_scale[0])>;
         double mass = 0;
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
             if (const int body = c.contacts.at(slot, lane).body; body >= 0 && !is_plane(w, body))
                 mass = std::max(mass, w.bodies[body].mass);
         const double inertia = mass / (w.solver.dt * w.solver.dt), kept = 0.7;  // begin_step lets them fall by so much
+        const double largest = sizeof(T) == 8 ? fitted::largest_scale_double : fitted::largest_scale_float;
         const double spacing = std::cbrt(8.5 * double(c.rest.volume[std::size_t(lane)]));
         const double bases[] = {spacing * double(c.rest.limit_penalty[std::size_t(lane)]),
                                 double(c.rest.contact_penalty[std::size_t(lane)])};
         for (int k = 0; k < 2; ++k) {
             T& scale = c.state.penalty_scale[std::size_t(k * c.width + lane)];
-            const double wanted = std::min(inertia / (kept * bases[k]), sizeof(T) == 8 ? 1e5 : 4e3);
+            const double wanted = std::min(inertia / (kept * bases[k]), largest);
             scale = std::max(scale, T(wanted));
         }
     });

@@ -27,22 +27,22 @@ auto with_finger(const PairWork& w, int finger, Visit visit) {
 /// How far a finger may go in this step in a direction [m]: with its bone's targets, by its springs' force, with its
 /// own speed.
 template <class T>
-double way_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver, const Vec3<double>& direction) {
+double travel_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver, const Vec3<double>& direction) {
     const auto W = std::size_t(c.width);
     auto spring = [&](int s, int i) {
         return double(c.scratch.bone_springs[std::size_t(9 * s + i) * W + std::size_t(lane)]);
     };
-    double way[bone_spring_count];
+    double travel[bone_spring_count];
     for (int s = 0; s < bone_spring_count; ++s) {
         Vec3<double> d;
         for (int k = 0; k < 3; ++k)
             d[k] = spring(s, 2 + k) - double(c.state.bone[std::size_t(k) * W + std::size_t(lane)]);
-        way[s] = std::max(0.0, dot(d, direction));
+        travel[s] = std::max(0.0, dot(d, direction));
     }
-    if (!solver.inertia) return way[0];
+    if (!solver.inertia) return travel[0];
     // What presses on something stretches the coupling; in one step it brings the bone no farther than its mass lets
     // it.
-    const double pulled = way[0] * std::min(1.0, spring(0, 0) / spring(2, 0));
+    const double pulled = travel[0] * std::min(1.0, spring(0, 0) / spring(2, 0));
     double speed = 0;
     if (!((c.rigid_lanes >> lane) & 1u))
         for (int node : c.topology->samples) {
@@ -50,7 +50,7 @@ double way_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver, con
             for (int d = 0; d < 3; ++d) v[d] = c.state.velocity[std::size_t(3 * node + d) * W + std::size_t(lane)];
             speed = std::max(speed, dot(v, direction));
         }
-    return std::max({pulled, way[1], way[2], solver.dt * speed});
+    return std::max({pulled, travel[1], travel[2], solver.dt * speed});
 }
 
 /// The bone's origin, then the pad: where pads have crossed, bones tell which finger is on which side.
@@ -91,8 +91,8 @@ Vec3<double> widest_gap(const FingerPairs& pairs, const Vec3<double>& guess) {
         s = support(pairs, unit_vector(v));
         const Vec3<double> w = s.of_a - s.of_b, along = w - v;
         if (dot(v, v) - dot(v, w) <= 1e-3 * dot(v, v)) break;
-        const double way = -dot(v, along) / std::max(dot(along, along), 1e-30);
-        v = v + std::clamp(way, 0.0, 1.0) * along;
+        const double travel = -dot(v, along) / std::max(dot(along, along), 1e-30);
+        v = v + std::clamp(travel, 0.0, 1.0) * along;
     }
     return unit_vector(v);
 }
@@ -136,9 +136,9 @@ Carried carried(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
 /// Whether two pads so far apart along n may touch in this step.
 bool may_touch(const PairWork& w, const FingerPair& p, const Vec3<double>& n, double gap) {
     if (gap <= 1e-3) return true;
-    const double way = with_finger(w, p.a, [&](auto& c, int lane) { return way_of(c, lane, w.solver, -n); }) +
-                       with_finger(w, p.b, [&](auto& c, int lane) { return way_of(c, lane, w.solver, n); });
-    return gap <= 1e-3 + 2 * way;
+    const double travel = with_finger(w, p.a, [&](auto& c, int lane) { return travel_of(c, lane, w.solver, -n); }) +
+                          with_finger(w, p.b, [&](auto& c, int lane) { return travel_of(c, lane, w.solver, n); });
+    return gap <= 1e-3 + 2 * travel;
 }
 
 /// Puts a plane between the two pads where they do not press on it; returns whether they may in this step.

@@ -1,14 +1,12 @@
 #include <algorithm>
 
+#include "engine/contact/fitted.h"
 #include "engine/skin/solve/progress.h"
 #include "engine/systems.h"
 
 namespace palpate {
 
 namespace {
-
-/// Below such a contact force no step is too rough to be rendered [N].
-constexpr double rough_from = 0.05;
 
 template <class T>
 Vec3<double> read_vec3(const LaneArray<T>& a, std::size_t index, int width, int lane) {
@@ -166,7 +164,7 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     SkinStatus& status = c.status[std::size_t(lane)];
     status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
     if (status.wrong_sides > 0) status.converged = false;
-    out.rough = !status.converged && status.contact_force_N > rough_from &&
+    out.rough = !status.converged && status.contact_force_N > fitted::rough_from &&
                 status.residual_N > detail::fitted::rough_share * status.contact_force_N;
     out.rough_steps += out.rough;
 }

@@ -9,6 +9,8 @@
 #include <array>
 #include <cmath>
 
+#include "engine/contact/fitted.h"
+
 namespace palpate {
 
 namespace {
@@ -16,12 +18,7 @@ namespace {
 using Vec = Vec3<double>;
 using Fine = DistanceMesh::Fine;
 
-constexpr double contact_band = 3e-3;  ///< [m]
-/// How many cells thick a wall must be. What the far side takes from the field at the near side follows from the
-/// splines' weights: of walls of 2.5 cells at most 0.001 of their thickness, of 2 cells 0.01. Thinner ones get finer
-/// cells, those that are too thin for these, too, the exact distance.
-constexpr double well_resolved = 2.5, resolved = 2;
-constexpr int most_bricks = 6000;  ///< 24 MB
+using namespace fitted;
 
 /// A function with its derivatives at a point.
 struct Field {
@@ -157,7 +154,7 @@ Field blend(const Field& a, const Field& b, const Field& w) {
 MeshPoint of_unit_slope(const Field& f, double band) {
     const double u = f.value / band;
     if (!(std::abs(u) < 1)) return {f.value, f.gradient};
-    constexpr double least = 0.16;
+    constexpr double least = least_gradient2;
     const double s = dot(f.gradient, f.gradient);
     const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
     const double q = 1 / std::sqrt(m) - 1, dq = -0.5 * dm / (m * std::sqrt(m));

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "engine/contact/fitted.h"
 #include "engine/contact/mesh_distance_field.h"
 
 namespace palpate {
@@ -12,9 +13,7 @@ namespace {
 
 using Vec = Vec3<double>;
 
-constexpr double least_distance = 1e-6;  ///< nearer hits are neighbours of where a ray begins [m]
-constexpr double facing_away = 0.7;      ///< cosine from which on two sides make a wall
-constexpr int most_points = 200000;      ///< of one mesh
+using namespace fitted;
 
 /// A ray's first way out of the mesh.
 struct Hit {

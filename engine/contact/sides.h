@@ -1,6 +1,7 @@
 #pragma once
 // When a point remembers the side of an object that it was on.
 
+#include "engine/contact/fitted.h"
 #include "engine/contact/shape.h"
 
 namespace palpate {
@@ -9,12 +10,11 @@ namespace palpate {
 /// is thick enough for the nearest face to be the right one. A body that turns between fingers must be free to leave
 /// them.
 inline int side_in_step(const Shape& shape, const Vec3<double>& x, int before, double travel) {
-    constexpr double thin = 2.5e-3;
     const int side = side_of(shape, x, before);
     if (side == 0) return 0;
     const int axis = (side < 0 ? -side : side) - 1;
     const double half = shape.kind == ShapeKind::cylinder ? shape.size.y : shape.size[axis];
-    return half > thin && travel < half ? 0 : side;
+    return half > fitted::thin_half && travel < half ? 0 : side;
 }
 
 }  // namespace palpate

@@ -10,8 +10,7 @@ namespace palpate {
 
 namespace {
 
-constexpr int lanes_wanted = 8;      ///< one for the centre, up to six for the Jacobian, the rest for trials
-constexpr double difference = 0.02;  ///< of a component's scale: 0.3 degrees, 0.08 mm
+using fitted::lanes_wanted, fitted::difference;
 
 int lane_count(const ForceMatcher& m) { return int(m.lane_w.size()); }
 
@@ -30,11 +29,10 @@ void hold_bone(SkinChunk<T>& c) {
 
 /// Touching area of these forces [mm^2]. A sample counts in full from a few mN on.
 double touching_area(const ForceMatcher& m, const Eigen::Ref<const Eigen::VectorXd>& forces) {
-    constexpr double half = 1e-3;  // [N]
     double area = 0;
     for (std::ptrdiff_t s = 0; s < m.area.size(); ++s) {
         const double f = forces.segment<3>(3 * s).norm();
-        area += m.area[s] * f / (f + half);
+        area += m.area[s] * f / (f + fitted::half_touching);
     }
     return area;
 }
@@ -206,16 +204,15 @@ namespace {
 /// Whether a lane's forces can be believed: near balance, limits and contact near kept. Those of a solve that was cut
 /// short may be of any size, small ones included.
 bool balanced(const ForceMatcher& m, int lane) {
-    constexpr double share = 0.1, noise = 0.02;    // of its force; [N]
-    constexpr double excess = 0.01, depth = 2e-5;  // of a strain limit; [m]
+    using namespace fitted;
     for (const SkinChunk<float>& c : m.chunks) {
         if (lane >= c.width) {
             lane -= c.width;
             continue;
         }
         const SkinStatus& status = c.status[std::size_t(lane)];
-        return status.converged || (status.residual_N < share * status.contact_force_N + noise &&
-                                    status.limit_violation < excess && status.penetration_m < depth);
+        return status.converged || (status.residual_N < believed_share * status.contact_force_N + believed_noise &&
+                                    status.limit_violation < believed_excess && status.penetration_m < believed_depth);
     }
     return false;
 }

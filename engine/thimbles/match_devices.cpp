@@ -4,6 +4,7 @@
 #include "devices/matching/least_squares.h"
 #include "devices/matching/platform_force.h"
 #include "engine/systems.h"
+#include "engine/thimbles/fitted.h"
 
 namespace palpate {
 
@@ -42,7 +43,6 @@ void solve_match(const ContactSurface& surface, const DeviceModel& model, const 
 /// Samples as the matching sees them. What presses from beside the pad (a neighbouring finger, the wall of a groove) is
 /// none of the platform's contact: it cannot be there, and would be drawn deep into the pad on its way.
 void read_samples(const ContactSurface& surface, Matching& m) {
-    constexpr double from_beside = 0.342;  // cosine of 70 degrees to the platform at rest
     const Eigen::Isometry3d to_device = m.model.mount.inverse();
     const Eigen::Vector3d rest = m.model.mount.linear() * m.model.kind->platform(m.model, m.model.rest).normal;
     const Vec3<double> towards_finger =
@@ -54,7 +54,8 @@ void read_samples(const ContactSurface& surface, Matching& m) {
         const Vec3<double>& p = surface.position[s];
         m.points[s].position = to_device * Eigen::Vector3d(p.x, p.y, p.z);
         const double force = norm(surface.pressing[s]);
-        const bool beside = surface.touches[s] && dot(surface.pressing[s], towards_finger) < from_beside * force;
+        const bool beside =
+            surface.touches[s] && dot(surface.pressing[s], towards_finger) < fitted::from_beside * force;
         m.points[s].touches = surface.touches[s] && !beside;
         m.points[s].weight = surface.area[s] / mean_area;
         if (beside) m.beside_N += force;

@@ -1,0 +1,50 @@
+#pragma once
+// Numbers of the solve of bodies that no law gives: each with what it was chosen on. The grasps of the repository, the
+// tests `Bodies`, `Grasp`, `Crowd`, `Energy` and `FingerPairs`, and the stress suite run with them; change one, and run
+// those again. Numbers that a user may trade are settings instead.
+
+namespace palpate::fitted {
+
+// --- Which bodies may touch, and how stiffly they do (islands.cpp, body_contact.cpp) ---
+/// Pairs are looked at from so far on, beside what they may move in the step [m].
+inline constexpr double near_gap = 1e-3;
+/// Least penalty of a contact between bodies [N/m], and at least so many times the lighter one's mass / dt^2 (tests
+/// `Bodies`: inclines, bounces, balls that roll).
+inline constexpr double least_pair_penalty = 2e5, pair_inertia_share = 30;
+/// Under its load no contact gives way farther than this (S4 and S5 of the stress suite: a light body under a load)
+/// [m].
+inline constexpr double deepest_under_load = 1e-4;
+/// Solves that end early leave some hundredths of a millimetre of overlap; what is deeper was there before, and is
+/// undone until it is shallower than the second [m].
+inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5;
+
+// --- The solve (solve_bodies.cpp) ---
+/// What may be left unbalanced of a body's weight, however hard it is gripped (a gram under a hard grip).
+inline constexpr double unbalanced_weight = 2e-5;
+/// Newton steps of a plane between fingers are held back by this share of the tissue's stiffness, and by so many
+/// roundings of the contact's penalty (`FingerPairs`).
+inline constexpr double plane_tissue_share = 1e-3, plane_roundings = 1600;
+/// A bone that is held less stiffly than this takes the push of a body up; nothing was gained there (`Energy`: balls of
+/// 1 to 500 g that meet a finger held with 2 to 1,000 N/mm) [N/m].
+inline constexpr double stiffly_held = 1e4;
+/// Largest penalties against inertia, as multiples of those of tissue (the same balls: no preset gains energy).
+inline constexpr double largest_scale_double = 1e5, largest_scale_float = 4e3;
+
+// --- Planes between fingers (balance_planes.cpp) ---
+/// About as large as the contact of two fingers: what torques on a plane are measured by [m].
+inline constexpr double plane_size = 5e-3;
+/// Slip is held by no more than so many times the penalty of tissue (`FingerPairs`).
+inline constexpr double largest_slip_scale = 16;
+/// Levenberg-Marquardt on a plane's six motions: how near to balance, of the forces, in at most so many steps; what
+/// damping begins and ends with, and how it shrinks and grows (`FingerPairs`: fingers that slide past each other).
+inline constexpr double plane_balance = 1e-10, least_plane_damping = 1e-9, largest_plane_damping = 1e6,
+                        less_plane_damping = 0.03, more_plane_damping = 10;
+inline constexpr int most_plane_steps = 40;
+/// What is corrected after a solve is next to nothing below this share of the load, squared (`FingerPairs`).
+inline constexpr double plane_correction = 1e-6;
+
+// --- The end of a step (end_bodies.cpp) ---
+/// A body falls asleep after so many steps at rest (`Bodies`).
+inline constexpr int steps_to_sleep = 20;
+
+}  // namespace palpate::fitted

@@ -1,0 +1,30 @@
+#pragma once
+// Numbers of contact that no law gives: each with what it was chosen on. Tests `ThinAndFast`, `ThinWalls`, `Distance`
+// and `MeshObject` run with them; change one, and run those again.
+
+namespace palpate::fitted {
+
+/// Below such a contact force no step is too rough to be rendered [N].
+inline constexpr double rough_from = 0.05;
+/// Boxes, discs and plates that are less than twice this thick remember the side a point is on; in thicker ones the
+/// nearest face is the right one (cards of 0.1 and 1 mm met at 0.1 to 10 m/s) [m].
+inline constexpr double thin_half = 2.5e-3;
+
+// --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
+/// How far from the surface the smooth field reaches [m].
+inline constexpr double contact_band = 3e-3;
+/// How many cells thick a wall must be. What the far side takes from the field at the near side follows from the
+/// splines' weights: of walls of 2.5 cells at most 0.001 of their thickness, of 2 cells 0.01. Thinner ones get finer
+/// cells, those that are too thin for these, too, the exact distance.
+inline constexpr double well_resolved = 2.5, resolved = 2;
+inline constexpr int most_bricks = 6000;  ///< 24 MB
+/// Gradients whose square is below this are stretched less and less (rims and thin walls).
+inline constexpr double least_gradient2 = 0.16;
+/// Nearer hits are neighbours of where a ray begins [m].
+inline constexpr double least_distance = 1e-6;
+/// Cosine from which on two sides make a wall (plates of 0.3 to 4 mm, a mug, a wedge).
+inline constexpr double facing_away = 0.7;
+/// How many points of one mesh are tried for walls.
+inline constexpr int most_points = 200000;
+
+}  // namespace palpate::fitted
