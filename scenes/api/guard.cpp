@@ -83,8 +83,10 @@ PalpateWorld adopt(std::unique_ptr<Session> session) {
     Slot& slot = slots()[at];
     slot.session = std::move(session);
     const std::uint64_t generation = generation_of(slot.word.load()) + 1;
+    const PalpateWorld id = std::int64_t(generation << 32) | (at + 1);
+    slot.session->id = id;
     slot.word.store(generation << 32, std::memory_order_release);
-    return std::int64_t(generation << 32) | (at + 1);
+    return id;
 }
 
 namespace {

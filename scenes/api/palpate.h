@@ -52,10 +52,19 @@ PALPATE_API const char* palpate_version(void);
 /* What was wrong with the last call of this thread that failed; valid until its next one. */
 PALPATE_API const char* palpate_last_error(void);
 
-/* Where warnings and notes about scenes go, one sentence a call; NULL: nowhere (palpate_get_text has them in any case).
-   Called by the thread that loads. There is no hook for memory: libraries below palpate have their own. */
+/* Where it is told what a person should know, one sentence a call; NULL: nowhere. Scenes: warnings and notes as they
+   are loaded (palpate_get_text has the warnings in any case). Steps: a finger that diverged, steps that did not
+   converge (the 1st, 2nd, 4th, 8th, ... of a finger). Called by the thread that loads or steps, which for
+   palpate_step_many are several at once; it must not call palpate for the world that it is told of. */
 typedef void (*PalpateLog)(const char* message, void* user);
 PALPATE_API int32_t palpate_set_log(PalpateLog log, void* user);
+enum {
+    PALPATE_LOG_NOTE = 0,   /* how something was understood */
+    PALPATE_LOG_WARNING = 1 /* likely a mistake, or results that should not be trusted */
+};
+/* Within a PalpateLog: what kind of message it is, and of which world (0: one that is being loaded). Either may be
+ * NULL. */
+PALPATE_API int32_t palpate_log_about(int32_t* level, PalpateWorld* world);
 
 /* ---- Worlds ---- */
 
@@ -148,7 +157,8 @@ enum {
     PALPATE_TEXT_FINGER = 4,   /* name of the finger with id `index` */
     PALPATE_TEXT_OBJECT = 5,
     PALPATE_TEXT_THIMBLE = 6, /* kind of the device of thimble `index` */
-    PALPATE_TEXT_FILE = 7     /* of the scene; empty where it was given as text */
+    PALPATE_TEXT_FILE = 7,    /* of the scene; empty where it was given as text */
+    PALPATE_TEXT_REPORT = 8   /* one HTML page with 3-D playback, plots and summary, of kept frames or else of now */
 };
 /* Copies a text with its final zero; `needed` (may be NULL) is its size. With capacity 0 the size alone. */
 PALPATE_API int32_t palpate_get_text(PalpateWorld world, int32_t text, int32_t index, char* buffer, int64_t capacity,
@@ -301,6 +311,10 @@ PALPATE_API int32_t palpate_keep_snapshots(PalpateWorld world, int32_t on);
    be NULL; `capacity` counts samples, `samples` (may be NULL) becomes S. */
 PALPATE_API int32_t palpate_read_snapshot(PalpateWorld world, int32_t finger, PalpateFingerState* state,
                                           double* positions, double* forces, int32_t capacity, int32_t* samples);
+
+/* So many frames per simulated second are kept from now on for PALPATE_TEXT_REPORT (30 show motion well; 0: none any
+   longer). They take memory as the world goes on; a restore and what comes or goes begin them anew. */
+PALPATE_API int32_t palpate_keep_frames(PalpateWorld world, double per_second);
 
 /* ---- States and recordings ---- */
 

@@ -14,6 +14,10 @@
 #include "scenes/recording/run_file.h"
 #include "scenes/run/simulation.h"
 
+namespace palpate {
+class ReportRecorder;
+}
+
 namespace palpate::api {
 
 /// A pose that any thread may set and the next step takes. Writers that meet wait for each other, the step for nobody:
@@ -114,6 +118,7 @@ struct ReplaySource {
 };
 
 struct Session {
+    PalpateWorld id = 0;
     std::atomic_flag owned = ATOMIC_FLAG_INIT;
     std::unique_ptr<Simulation> simulation;
     std::vector<std::string> settings;
@@ -133,13 +138,30 @@ struct Session {
     bool keeps_snapshots = false;
     std::unique_ptr<RunWriter> recorder;
     std::unique_ptr<ReplaySource> replay;
-    std::vector<std::uint8_t> state;  ///< scratch of palpate_save
+    std::vector<std::uint8_t> state;        ///< scratch of palpate_save
+    std::vector<std::int64_t> unconverged;  ///< [finger] steps that did not converge since there is a log
+    double frames_per_second = 0;
+    std::shared_ptr<ReportRecorder> frames;  ///< null: none yet
 
     explicit Session(Simulation s);
     PoseInput& finger_input(std::size_t row) const { return finger_inputs.at(Ids::slot_of(fingers.ids[row])); }
     PoseInput& object_input(std::size_t row) const { return object_inputs.at(Ids::slot_of(objects.ids[row])); }
     const World& world() const { return simulation->world; }
 };
+
+/// Tells the log, where there is one.
+void log(std::int32_t level, PalpateWorld world, const char* message);
+/// What a scene that was loaded is likely to have wrong.
+void log_scene(const Scene& scene);
+/// What the last step had wrong.
+void log_step(Session& session);
+
+/// After a step: keeps a frame where one is due.
+void keep_frame(Session& session);
+/// Kept frames are those of another past.
+void drop_frames(Session& session);
+/// An HTML page of kept frames, or of now.
+std::string report_of(const Session& session);
 
 /// One step; writes no views.
 std::int32_t step_once(Session& session);

@@ -91,6 +91,8 @@ std::int32_t step_replay(Session& s) {
         step.inputs.objects.size() != s.world().shapes.size())
         return fail(PALPATE_ERROR_SCENE, r.file + ": the scene builds other fingers or objects than the run had");
     advance(*s.simulation, step.inputs);
+    log_step(s);
+    if (s.frames_per_second > 0) keep_frame(s);
     ++r.done;
     if (r.different == 0 && outcome_of(*s.simulation).hashes != step.outcome.hashes) r.different = std::int64_t(r.done);
     return PALPATE_OK;
@@ -102,6 +104,8 @@ std::int32_t step_once(Session& s) {
     if (s.replay) return step_replay(s);
     gather_inputs(s);
     advance(*s.simulation, s.inputs);
+    log_step(s);
+    if (s.frames_per_second > 0) keep_frame(s);
     if (!s.recorder) return PALPATE_OK;
     s.recorder->record(s.inputs, *s.simulation);
     if (s.recorder->failure().empty()) return PALPATE_OK;
@@ -296,6 +300,7 @@ int32_t palpate_restore(PalpateWorld world, const void* bytes, int64_t size) {
             input->set(input->id, kind, kind == PoseInput::released ? nullptr : pose);
             p += one;
         }
+        drop_frames(*session);
         show(*session);
         return int32_t(PALPATE_OK);
     });

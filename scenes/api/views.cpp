@@ -343,6 +343,8 @@ void show_all(Session& s) {
 }
 
 void renew_views(Session& s) {
+    s.unconverged.clear();
+    drop_frames(s);
     s.live_fields.clear();
     for (auto it = s.fields.begin(); it != s.fields.end();) {
         const auto [field, id] = it->first;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <mutex>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
@@ -20,22 +19,6 @@ using namespace palpate::api;
 namespace palpate::api {
 
 namespace {
-
-std::mutex log_lock;
-PalpateLog log_hook = nullptr;
-void* log_user = nullptr;
-
-void log_warnings(const Scene& scene) {
-    PalpateLog hook;
-    void* user;
-    {
-        const std::lock_guard lock(log_lock);
-        hook = log_hook, user = log_user;
-    }
-    if (!hook) return;
-    for (const auto& w : scene.warnings) hook(w.c_str(), user);
-    for (const auto& n : scene.notes) hook(n.c_str(), user);
-}
 
 /// Settings of a list of texts. Throws InputError.
 std::vector<std::string> settings_of(const char* const* settings, std::int32_t count) {
@@ -62,7 +45,7 @@ PalpateWorldDef read_def(const PalpateWorldDef* given) {
 
 PalpateWorld adopt_scene(Scene scene, const PalpateWorldDef& def, std::vector<std::string> settings,
                          FingerTemplates templates, std::unique_ptr<ReplaySource> replay = nullptr) {
-    log_warnings(scene);
+    log_scene(scene);
     auto session = std::make_unique<Session>(make_simulation(std::move(scene), def.threads, false));
     session->settings = std::move(settings);
     session->templates = std::move(templates);
@@ -113,14 +96,6 @@ bool change_settings(Session& session, const std::vector<std::string>& settings)
 
 int32_t palpate_api_version(void) { return PALPATE_API_VERSION; }
 const char* palpate_version(void) { return PALPATE_VERSION; }
-
-int32_t palpate_set_log(PalpateLog log, void* user) {
-    return guarded([&] {
-        const std::lock_guard lock(log_lock);
-        log_hook = log, log_user = user;
-        return PALPATE_OK;
-    });
-}
 
 int32_t palpate_default_world_def(PalpateWorldDef* def, int32_t size) {
     if (!def) return fail(PALPATE_ERROR_ARGUMENT, "def is NULL");
@@ -252,6 +227,9 @@ bool text_of(const Session& s, std::int32_t text, std::int32_t index, std::strin
             return true;
         case PALPATE_TEXT_FOLDER:
             out = std::filesystem::absolute(scene.file).parent_path().lexically_normal();
+            return true;
+        case PALPATE_TEXT_REPORT:
+            out = report_of(s);
             return true;
         case PALPATE_TEXT_FILE:
             out = scene.text ? "" : scene.file.string();

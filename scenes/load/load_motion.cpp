@@ -123,7 +123,7 @@ HandSource read_hand_source(Section& root, Scene& scene, const std::filesystem::
     if (tracker) {
         source.hand = read_hand_and_place(tracker, scene);
         tracker.text("source", scene.tracker,
-                     "Where it comes from: \"udp:PORT\", \"websocket:PORT\", \"ultraleap\" or "
+                     "Where it comes from: \"udp:PORT\", \"websocket:PORT\", \"openxr\", \"ultraleap\" or "
                      "\"ultraleap:HOST:PORT\".");
         tracker.require("source", "expected where the hand comes from, for example \"udp:9000\"");
         if (const std::string wrong = tracker_problem(scene.tracker); !wrong.empty() && tracker.sound("source"))

@@ -185,7 +185,7 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
         .range(1e-3, 1e5);
     c.option("--record", a->record, "record inputs and outcome of every step; `palpate replay` runs it again");
     c.option("--tracker", a->tracker,
-             "fingers that follow a hand follow a live one, in real time: udp:PORT, websocket:PORT, "
+             "fingers that follow a hand follow a live one, in real time: udp:PORT, websocket:PORT, openxr, "
              "ultraleap[:HOST:PORT]");
     add_stream_options(c, a->stream);
     c.option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");

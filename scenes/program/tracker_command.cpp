@@ -198,7 +198,8 @@ Action add_tracker_command(const Command& program, const std::atomic<bool>& stop
     const Command c =
         program.subcommand("tracker", "show what a hand tracker or a recording gives; fit it to the model");
     auto a = std::make_shared<TrackerArguments>();
-    c.option("source", a->source, "udp:PORT, websocket:PORT, ultraleap[:HOST:PORT], or a recording (.jsonl, .csv)")
+    c.option("source", a->source,
+             "udp:PORT, websocket:PORT, openxr, ultraleap[:HOST:PORT], or a recording (.jsonl, .csv)")
         .required();
     c.option("--seconds", a->seconds, "how long to watch a live source (default: until Ctrl-C)").range(0.1, 1e5);
     c.option("--record", a->record, "write the frames of a live source to this file (.jsonl)");

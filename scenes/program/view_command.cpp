@@ -307,7 +307,7 @@ Action add_view_command(const Command& program, const std::atomic<bool>& stop) {
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
     c.option("--port", a->port, "port of the page (default: 8420; 0 = any free one)").range(0, 65535);
     c.option("--tracker", a->tracker,
-             "fingers that follow a hand follow a live one: udp:PORT, websocket:PORT, ultraleap[:HOST:PORT]");
+             "fingers that follow a hand follow a live one: udp:PORT, websocket:PORT, openxr, ultraleap[:HOST:PORT]");
     add_stream_options(c, a->stream);
     c.option("--record", a->record,
              "record inputs and outcome of every step of every run; `palpate replay` runs them again");

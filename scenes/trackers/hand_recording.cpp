@@ -106,28 +106,38 @@ std::string read_units(const nlohmann::json& json, HandFrameUnits& units) {
 
 std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& units, HandFrame& frame) {
     const auto joints = json.find("joints"), valid = json.find("valid");
-    if (joints == json.end() || !joints->is_array() || joints->size() != 26) return "expected 26 \"joints\"";
+    if (joints == json.end() || !joints->is_array() || joints->size() != std::size_t(hand_joint_count))
+        return "expected 26 \"joints\"";
     frame.valid = valid == json.end() || (valid->is_boolean() && valid->get<bool>());
-    const Matrix3d up = upright(units.y_up);
-    for (int f = 0; f < 5; ++f) {
-        const int distal = f == 0 ? 4 : 4 + 5 * f;
-        double v[2][7];
-        for (int j = 0; j < 2; ++j)
-            for (int k = 0; k < 7; ++k) {
-                const auto& row = (*joints)[std::size_t(distal + j)];
-                if (!row.is_array() || row.size() < 7 || !row[std::size_t(k)].is_number())
-                    return "joint " + std::to_string(distal + j) + ": expected [x, y, z, qx, qy, qz, qw, radius]";
-                v[j][k] = row[std::size_t(k)].get<double>();
+    std::array<HandJoint, hand_joint_count> read;
+    for (int f = 0; f < 5; ++f)
+        for (int j = distal_joint(f); j < distal_joint(f) + 2; ++j) {
+            const auto& row = (*joints)[std::size_t(j)];
+            HandJoint& joint = read[std::size_t(j)];
+            for (std::size_t k = 0; k < 7; ++k) {
+                if (!row.is_array() || row.size() < 7 || !row[k].is_number())
+                    return "joint " + std::to_string(j) + ": expected [x, y, z, qx, qy, qz, qw, radius]";
+                (k < 3 ? joint.position[k] : joint.rotation[k - 3]) = row[k].get<double>();
             }
-        const Eigen::Quaterniond q(v[0][6], v[0][3], v[0][4], v[0][5]);
-        if (!(q.norm() > 1e-3)) {
+        }
+    set_fingers(frame, read, units);
+    return "";
+}
+
+void set_fingers(HandFrame& frame, const std::array<HandJoint, hand_joint_count>& joints, const HandFrameUnits& units) {
+    const Matrix3d up = upright(units.y_up);
+    const auto place = [&](const HandJoint& joint) -> Vector3d {
+        return units.scale * (up * Vector3d(joint.position.data()));
+    };
+    for (int f = 0; f < 5; ++f) {
+        const HandJoint &distal = joints[std::size_t(distal_joint(f))], &tip = joints[std::size_t(distal_joint(f) + 1)];
+        const Eigen::Quaterniond q(distal.rotation[3], distal.rotation[0], distal.rotation[1], distal.rotation[2]);
+        if (!(q.norm() > 1e-3) || !std::isfinite(q.norm()) || !place(distal).allFinite() || !place(tip).allFinite()) {
             frame.valid = false;
             continue;
         }
-        set_finger(frame, f, units.scale * (up * Vector3d(v[0])), units.scale * (up * Vector3d(v[1])),
-                   up * q.normalized().toRotationMatrix());
+        set_finger(frame, f, place(distal), place(tip), up * q.normalized().toRotationMatrix());
     }
-    return "";
 }
 
 HandRecording read_hand_recording(const std::filesystem::path& path, const std::string& hand) {
@@ -149,7 +159,7 @@ std::string hand_header() { return R"({"units": "m", "up": "z", "joints": "XR_EX
 
 std::string hand_line(int hand, const HandFrame& frame) {
     auto joints = nlohmann::json::array();
-    for (int j = 0; j < 26; ++j) joints.push_back(nlohmann::json::array());
+    for (int j = 0; j < hand_joint_count; ++j) joints.push_back(nlohmann::json::array());
     for (int f = 0; f < 5; ++f) {
         const Pose<double>& pose = frame.finger[std::size_t(f)];
         const Mat3<double> R = rotation_matrix(pose.rotation);
@@ -158,7 +168,7 @@ std::string hand_line(int hand, const HandFrame& frame) {
         Matrix3d axes;  // x sideways, y dorsal, z proximal
         axes << side.x, dorsal.x, -distal.x, side.y, dorsal.y, -distal.y, side.z, dorsal.z, -distal.z;
         const Eigen::Quaterniond q(axes);
-        const std::size_t first = f == 0 ? 4 : std::size_t(4 + 5 * f);
+        const auto first = std::size_t(distal_joint(f));
         for (std::size_t end : {0u, 1u}) {
             const Vec3<double> p = pose.position + ((end ? 0.5 : -0.5) * frame.length[std::size_t(f)]) * distal;
             joints[first + end] = {p.x, p.y, p.z, q.x(), q.y(), q.z(), q.w(), 0};

@@ -45,6 +45,18 @@ Eigen::Matrix3d upright(bool y_up);
 void set_finger(HandFrame& frame, int finger, const Eigen::Vector3d& joint, const Eigen::Vector3d& tip,
                 const Eigen::Matrix3d& bone);
 
+/// A joint as a tracker gives it.
+struct HandJoint {
+    std::array<double, 3> position{};  ///< in the tracker's unit and axes
+    std::array<double, 4> rotation{};  ///< x y z w; zeros: not known
+};
+inline constexpr int hand_joint_count = 26;  ///< ordered and oriented as in XR_EXT_hand_tracking
+/// The ten of them from which finger poses are made: distal joint and tip, of the thumb first.
+constexpr int distal_joint(int finger) { return finger == 0 ? 4 : 4 + 5 * finger; }
+
+/// Finger poses from joints. The frame is not valid where one that it takes is not known, or not finite.
+void set_fingers(HandFrame& frame, const std::array<HandJoint, hand_joint_count>& joints, const HandFrameUnits& units);
+
 /// Takes units ("m" or "mm") and up axis ("y" or "z") from an object that names them. Returns what is wrong; empty if
 /// nothing is.
 std::string read_units(const nlohmann::json& json, HandFrameUnits& units);

@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "meshes/input_error.h"
+#include "scenes/trackers/openxr_hand.h"
 #include "scenes/trackers/udp_hand.h"
 #include "scenes/trackers/ultraleap.h"
 #include "scenes/trackers/websocket_hand.h"
@@ -38,6 +39,7 @@ const std::vector<TrackerSource>& tracker_sources() {
         {"ultraleap:HOST:PORT", "the same elsewhere"},
         {"udp:PORT", "one JSON object per datagram, 26 joints as in OpenXR"},
         {"websocket:PORT", "the same as messages to ws://127.0.0.1:PORT/hand"},
+        {"openxr", "the OpenXR runtime of this machine, both hands"},
     };
     return all;
 }
@@ -47,6 +49,7 @@ std::string tracker_problem(const std::string& source) {
     const auto colons = std::count(source.begin(), source.end(), ':');
     if ((s.kind == "udp" || s.kind == "websocket") && colons == 1 && s.port >= 0) return "";
     if (s.kind == "ultraleap" && (colons == 0 || (colons == 2 && s.port > 0 && !s.host.empty()))) return "";
+    if (source == "openxr") return "";
     std::string forms;
     for (const TrackerSource& t : tracker_sources())
         forms += (forms.empty() ? "\"" : ", \"") + std::string(t.form) + "\"";
@@ -68,6 +71,7 @@ std::unique_ptr<HandSourceThread> open_tracker(const std::string& source, HandMa
     const SourceName s = parse_source(source);
     if (s.kind == "udp") return receive_udp_hands(mailbox, s.port, any_address);
     if (s.kind == "websocket") return receive_websocket_hands(mailbox, s.port, any_address);
+    if (s.kind == "openxr") return receive_openxr_hands(mailbox);
     return receive_ultraleap_hands(mailbox, s.host, s.port < 0 ? ultraleap_port : s.port);
 }
 

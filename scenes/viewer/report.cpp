@@ -62,15 +62,19 @@ std::string page_with(const nlohmann::json& data) {
     return page;
 }
 
-void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
+std::string ReportRecorder::page(const Simulation& s, const Summary& summary) const {
     char about[200];
     std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %d frames shown (at most %.0f per second)",
                   s.world.time, 1e3 * s.world.solver.dt, count_, rate_);
-    write_file(path, page_with({{"stage", stage_of(s)},
-                                {"frames", base64(frames_)},
-                                {"about", about},
-                                {"summary", to_text(summary)},
-                                {"scene", read_file(s.scene.file)}}));
+    return page_with({{"stage", stage_of(s)},
+                      {"frames", base64(frames_)},
+                      {"about", about},
+                      {"summary", to_text(summary)},
+                      {"scene", s.scene.text ? *s.scene.text : read_file(s.scene.file)}});
+}
+
+void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
+    write_file(path, page(s, summary));
 }
 
 }  // namespace palpate

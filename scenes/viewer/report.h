@@ -14,6 +14,8 @@ class ReportRecorder {
     explicit ReportRecorder(double rate = 30) : rate_(rate) {}
     /// Call after every step.
     void record(const Simulation& simulation);
+    /// The page of all frames so far.
+    std::string page(const Simulation& simulation, const Summary& summary) const;
     /// Throws InputError where the file cannot be written.
     void write(const std::filesystem::path& path, const Simulation& simulation, const Summary& summary) const;
 

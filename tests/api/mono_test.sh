@@ -20,4 +20,4 @@ TOML
 "$program" run "$folder/small.toml" --quiet --record "$folder/run.palpate" --out "$folder/out"
 mcs -langversion:6 -warnaserror+ -out:"$folder/Bits.exe" "$root"/scenes/api/unity/Runtime/*.cs "$root/tests/api/Bits.cs" \
     "$root/tests/api/UnityStub.cs"
-LD_LIBRARY_PATH=$(dirname "$program") mono "$folder/Bits.exe" "$folder/small.toml" "$folder/run.palpate"
+LD_LIBRARY_PATH=$(dirname "$program") mono "$folder/Bits.exe" "$folder/small.toml" "$folder/run.palpate" "$root/tests/api/abi.txt"

@@ -2,6 +2,7 @@
 import copy
 import gc
 import json
+import multiprocessing
 import pathlib
 import pickle
 import re
@@ -34,6 +35,13 @@ elements = 120
 device = { kind = "chinello-3rrs" }
 track = [ { t_s = 0, position_mm = [0, 0, 10] }, { t_s = 0.05, position_mm = [0, 0, 6] } ]
 """
+
+
+def stepped(world):
+    """In another process."""
+    world.step(30)
+    palpate.vector(world, 2).step()
+    return world.fingers[0].force.tolist()
 
 
 class Palpate(unittest.TestCase):
@@ -98,6 +106,93 @@ class Palpate(unittest.TestCase):
             world.step(2**31 - 1)
         with self.assertRaisesRegex(palpate.Error, "new world"):
             world.set("finger.index.elements=300")
+
+    def test_mistakes_are_not_swallowed(self):
+        """What users mistype or compute: an exception that says so each time, and the world goes on."""
+        world = palpate.load_text(SMALL)
+        finger, table = world.fingers[0], world.objects[0]
+        pose = [0.1, 0.1, 0.1, 1, 0, 0, 0]
+        wrong = {
+            "poes": lambda: setattr(finger, "poes", pose),
+            "tme": lambda: setattr(world, "tme", 3),
+            "must be real": lambda: setattr(finger, "pose", "abcdefg"),
+            "rotation": lambda: setattr(finger, "pose", numpy.zeros(7)),
+            "NoneType": lambda: setattr(table, "pose", None),
+            "interpreted as an integer": lambda: world.step(2.0),
+            "there are: plane, box": lambda: world.add_object("cube"),
+            "edge lengths": lambda: world.add_object("box"),
+            "found nan": lambda: world.add_object("sphere", [numpy.nan], pose=pose),
+            "from 0.001 to 1e\\+06 g": lambda: world.add_object("sphere", [0.01], pose=pose, mass=numpy.inf),
+            "from 20 to 200000": lambda: world.add_finger("x", elements=-3, pose=pose),
+            "too many": lambda: world.add_finger("x", elements=2**40, pose=pose),
+            "a name is used for files": lambda: world.add_finger('a"b', elements=120, pose=pose),
+            "no zero": lambda: world.add_finger("a\0b", elements=120, pose=pose),
+            "already": lambda: world.add_finger("index", elements=120, pose=pose),
+            "nosuch.obj": lambda: world.add_object("mesh", file="nosuch.obj", pose=pose),
+            "thumb-small": lambda: world.add_finger(finger="toe", pose=pose),
+            "chinello-3rrs": lambda: setattr(finger, "thimble", "nope"),
+            "did you mean": lambda: world.set("finger.index.material.yung_kPa=40"),
+            "key=value": lambda: world.set("abc"),
+            "three numbers": lambda: palpate.build([{}], gravity=(0, 0)),
+            "at least one": lambda: palpate.build([]),
+            "one world": lambda: palpate.vector(world, 0),
+            "no saved state": lambda: world.restore(b"abc"),
+            "nowhere": lambda: world.record("/nowhere/run.palpate"),
+        }
+        for said, call in wrong.items():
+            with self.assertRaisesRegex(Exception, said):
+                call()
+        self.assertEqual((1, 1, 0), (len(world.fingers), len(world.objects), world.steps))
+        world.step()
+        self.assertEqual(2e-3, palpate.load_text(SMALL, settings={"dt_ms": 2}).dt)
+
+    def test_processes(self):
+        """Forked while a pool of threads is there, and spawned ones that get worlds as pickles."""
+        task = palpate.vector(palpate.load_text(SMALL), 4)
+        task.step()
+        task.worlds[0].step(30)
+        for kind in ("fork", "spawn"):
+            with multiprocessing.get_context(kind).Pool(2) as pool:
+                forces = pool.map_async(stepped, [task.worlds[0], task.worlds[1]]).get(timeout=120)
+            expected = [world.copy() for world in task.worlds[:2]]
+            self.assertEqual([stepped(world) for world in expected], forces)
+            self.assertGreater(forces[0][2], 0)
+
+    def test_one_thread_steps_at_a_time(self):
+        world = palpate.load_text(SMALL)
+        done, busy = [], []
+
+        def steps():
+            for _ in range(100):
+                try:
+                    world.step()
+                    done.append(1)
+                except palpate.BusyError as error:
+                    busy.append(str(error))
+
+        threads = [threading.Thread(target=steps) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(len(done), world.steps)
+        self.assertEqual(300, len(done) + len(busy))
+        self.assertTrue(all("one owner at a time" in text for text in busy))
+
+    def test_worlds_from_descriptions(self):
+        world = palpate.build([{"name": "index", "elements": 120, "pose": [0, 0, 0.006, 1, 0, 0, 0]}], [{"shape": "plane", "friction": 0.5}])
+        again = palpate.load_text(world.scene)
+        for one in (world, again):
+            one.keep_frames(100)
+            one.step(50)
+        self.assertGreater(world.fingers["index"].force[2], 0.05)
+        numpy.testing.assert_array_equal(world.fingers["index"].nodes, again.fingers["index"].nodes)
+        self.assertIn("0.05 s in steps of 1 ms, 6 frames shown", world.report())
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / "report.html"
+            self.assertIsNone(world.report(file))
+            self.assertTrue(file.read_text().startswith("<!DOCTYPE html>"))
+        self.assertRegex(repr(world.fingers[0].state), "converged=1")
 
     def test_the_same_bits_as_the_program(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -213,8 +308,10 @@ class Palpate(unittest.TestCase):
             self.assertRegex(repr(thing), "^<")
         world.fingers[0].pose = [0, 0, 0.006, 1, 0, 0, 0]
         world.step(60)
-        html = world._repr_html_()
+        html, _, frame = world._repr_html_().partition("<iframe")
         xml.etree.ElementTree.fromstring(f"<div>{html.replace('&sup2;', '')}</div>")  # well formed
+        self.assertIn("1 frames shown", frame)
+        self.assertEqual(4, frame.count("'"))  # nothing in the page ends its attribute
         self.assertIn("index", html)
         self.assertEqual(len(world.fingers[0].faces), html.count("<polygon"))
         self.assertGreater(len(set(re.findall(r"rgb\([^)]*\)", html))), 3)
@@ -223,9 +320,11 @@ class Palpate(unittest.TestCase):
         scratch = tempfile.TemporaryDirectory()
         self.addCleanup(scratch.cleanup)
         plot = f"plot_forces.py press {scratch.name}/forces.png"
-        for line in ("read_forces.py", "tune_stiffness.py 0.6", "pinch.py --worlds 2", plot, "staircase.py --trials 10"):
+        for line in ("read_forces.py", "tune_stiffness.py 0.6", "pinch.py --worlds 2", plot, "hold_force.py", "staircase.py --trials 10"):
             ran = subprocess.run([sys.executable, *line.split()], cwd=ROOT / "scenes/api/python/examples", capture_output=True, text=True)
             self.assertEqual(0, ran.returncode, line + ran.stderr)
+            if line.startswith("hold_force"):
+                self.assertLess(float(ran.stdout.split(" within ")[1].split()[0]), 0.1, ran.stdout)
             if line.startswith("pinch"):
                 for lifted in ran.stdout.splitlines():
                     self.assertGreater(float(lifted.split()[2]), 15, ran.stdout)

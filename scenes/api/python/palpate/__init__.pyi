@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Any, Generic, Iterable, Iterator, Optional, Sequence, TypeVar, Union
+from typing import Any, Generic, Iterable, Iterator, Mapping, Optional, Sequence, TypeVar, Union
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -14,11 +14,15 @@ Floats = NDArray[numpy.float64]
 Integers = NDArray[numpy.int32]
 Bytes = NDArray[numpy.uint8]
 Path = Union[str, PathLike[str]]
-Settings = Union[str, Iterable[str]]
+Settings = Union[str, Iterable[str], Mapping[str, Any]]
 Row = TypeVar("Row")
 
 def load(scene: Path, settings: Settings = (), threads: int = 1) -> World: ...
 def load_text(text: str, settings: Settings = (), threads: int = 1, folder: Optional[Path] = None) -> World: ...
+def build(
+    fingers: Iterable[Mapping[str, Any]], objects: Iterable[Mapping[str, Any]] = (), dt: float = 0.001,
+    gravity: Sequence[float] = ..., preset: str = "balanced", more: str = "", settings: Settings = (), threads: int = 1,
+) -> World: ...  # fmt: skip
 def replay(file: Path, run: int = 1, threads: int = 1) -> World: ...
 def vector(
     scene: Union[Path, World], n: int, settings: Settings = (), substeps: int = 1, horizon: Optional[int] = None
@@ -98,6 +102,7 @@ class Object:
 
 class Thimble:
     index: int
+    name: str
     kind: str
     @property
     def configuration(self) -> Floats: ...
@@ -163,6 +168,8 @@ class World:
     def __copy__(self) -> World: ...
     def __deepcopy__(self, memo: Any) -> World: ...
     def keep_snapshots(self, on: bool = True) -> None: ...
+    def keep_frames(self, rate: float = 30) -> None: ...
+    def report(self, file: Optional[Path] = None) -> Optional[str]: ...
     def record(self, file: Path) -> None: ...
     def end_recording(self) -> None: ...
     @property

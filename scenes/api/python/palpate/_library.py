@@ -55,6 +55,11 @@ class Struct(ctypes.Structure):
     def __init__(self, **values):
         super().__init__(size=ctypes.sizeof(type(self)), **values)
 
+    def __repr__(self):
+        show = lambda value: list(value) if isinstance(value, ctypes.Array) else value
+        fields = (f"{name}={show(getattr(self, name))}" for name, _ in self._fields_ if name not in ("size", "reserved"))
+        return f"<{type(self).__name__} {', '.join(fields)}>"
+
 
 class WorldDef(Struct):
     _fields_ = [
@@ -74,6 +79,14 @@ class ObjectDef(Struct):
     _fields_ = [
         ("size", c_int32), ("shape", c_int32), ("name", c_char_p), ("file", c_char_p), ("dimensions", c_double * 3),
         ("pose", c_double * 7), ("friction", c_double), ("stiffness", c_double), ("mass", c_double),
+    ]  # fmt: skip
+
+
+class SceneDef(Struct):
+    _fields_ = [
+        ("size", c_int32), ("finger_count", c_int32), ("fingers", POINTER(FingerDef)), ("objects", POINTER(ObjectDef)),
+        ("object_count", c_int32), ("reserved", c_int32), ("dt", c_double), ("gravity", c_double * 3), ("preset", c_char_p),
+        ("more", c_char_p),
     ]  # fmt: skip
 
 
@@ -126,6 +139,8 @@ Pose = POINTER(c_double)
 for _name, _arguments in {
     "load": [c_char_p, POINTER(WorldDef), POINTER(c_int64)],
     "load_text": [c_char_p, POINTER(WorldDef), POINTER(c_int64)],
+    "default_scene_def": [POINTER(SceneDef), c_int32],
+    "build": [POINTER(SceneDef), POINTER(WorldDef), POINTER(c_int64)],
     "load_replay": [c_char_p, c_int32, POINTER(WorldDef), POINTER(c_int64)],
     "clone": [c_int64, POINTER(c_int64)],
     "destroy": [c_int64],
@@ -151,6 +166,7 @@ for _name, _arguments in {
     "get_thimble": [c_int64, c_int32, POINTER(ThimbleState)],
     "keep_snapshots": [c_int64, c_int32],
     "read_snapshot": [c_int64, c_int32, POINTER(FingerState), c_void_p, c_void_p, c_int32, POINTER(c_int32)],
+    "keep_frames": [c_int64, c_double],
     "save": [c_int64, c_void_p, c_int64, POINTER(c_int64)],
     "restore": [c_int64, c_char_p, c_int64],
     "record": [c_int64, c_char_p],

@@ -1,4 +1,4 @@
-// palpate in C#: palpate.h by P/Invoke, and a class over it. Plain .NET: it needs nothing of Unity, and runs under mono.
+// palpate in C#: a class over palpate.h (Native.cs). Plain .NET: it needs nothing of Unity, and runs under mono.
 // Units are SI. A pose is 7 numbers: position x y z, rotation as a unit quaternion w x y z; right-handed, z up. Coordinates
 // says how that lies in Unity. One thread at a time steps a world. Nothing calls back into managed code.
 
@@ -69,106 +69,41 @@ namespace Palpate
         }
     }
 
-    [StructLayout(LayoutKind.Sequential)]
-    public struct WorldInfo
+    /// <summary>A finger's pose from the joints of a tracked hand, as OpenXR and Unity's XR Hands have them.</summary>
+    public static class HandJoints
     {
-        public int Size, FingerCount, ObjectCount, ThimbleCount;
-        public double Time, Dt, Duration;
-        public long Step, Generation;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct FingerState
-    {
-        public int Size, Touching;
-        public double Time;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 7)] public double[] TrackedPose;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 7)] public double[] BonePose;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Force;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Torque;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Centre;
-        public double NormalForce, ContactArea, CouplingForce, Silent, Residual;
-        public int Converged, Iterations;
-        public long Resets;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct ObjectState
-    {
-        public int Size, Moves;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 7)] public double[] Pose;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Velocity;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Spin;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Force;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Torque;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct ThimbleState
-    {
-        public int Size, Finger, ConfigurationCount, JointCount;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 6)] public double[] Configuration;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 6)] public double[] Wanted;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 6)] public double[] Sent;
-        [MarshalAs(UnmanagedType.ByValArray, SizeConst = 6)] public double[] Reached;
-        public double Error;
-        public int Matches, AtLimit;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct ReplayState
-    {
-        public int Size, Same;
-        public long Steps, Done, Different;
-    }
-
-    internal static class Native
-    {
-        const string Library = "palpate";
-
-        [StructLayout(LayoutKind.Sequential)]
-        internal struct View
+        /// <summary>Pose for World.SetFingerPose from the distal joint's position and rotation and the tip's position, in Unity:
+        /// a joint's z points to the tip, its y to the back of the finger. Palpate's finger has x to the tip and z to the
+        /// nail; its origin is midway.</summary>
+        public static double[] FingerPose(float dx, float dy, float dz, float qx, float qy, float qz, float qw, float tx, float ty, float tz)
         {
-            public int Size, Type, Rank, Rows, Columns, Reserved;
-            public long Generation;
-            public IntPtr Data;
+            // Joint (x side, y dorsal, z distal, left-handed) to finger: columns distal, dorsal x distal, dorsal, in palpate's
+            // right-handed world.
+            double[] distal = Turned(qx, qy, qz, qw, 0, 0, 1), dorsal = Turned(qx, qy, qz, qw, 0, 1, 0);
+            double[] side = { dorsal[1] * distal[2] - dorsal[2] * distal[1], dorsal[2] * distal[0] - dorsal[0] * distal[2],
+                              dorsal[0] * distal[1] - dorsal[1] * distal[0] };
+            double[] pose = new double[7];
+            Coordinates.FromUnity((dx + tx) / 2, (dy + ty) / 2, (dz + tz) / 2, out pose[0], out pose[1], out pose[2]);
+            // Quaternion of the matrix [distal side dorsal]; the largest component first, so that none is lost to rounding.
+            double xx = distal[0], yy = side[1], zz = dorsal[2];
+            double[] squares = { 1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz };
+            int k = 0;
+            for (int i = 1; i < 4; ++i) if (squares[i] > squares[k]) k = i;
+            double a = side[2] - dorsal[1], b = dorsal[0] - distal[2], c = distal[1] - side[0];
+            double ab = side[0] + distal[1], ac = dorsal[0] + distal[2], bc = dorsal[1] + side[2];
+            double[][] rows = { new[] { squares[0], a, b, c }, new[] { a, squares[1], ab, ac }, new[] { b, ab, squares[2], bc },
+                                new[] { c, ac, bc, squares[3] } };
+            double length = 0;
+            for (int i = 0; i < 4; ++i) length += rows[k][i] * rows[k][i];
+            for (int i = 0; i < 4; ++i) pose[3 + i] = rows[k][i] / Math.Sqrt(length);
+            return pose;
         }
 
-        [DllImport(Library)] internal static extern IntPtr palpate_last_error();
-        [DllImport(Library)] internal static extern int palpate_load(byte[] file, IntPtr definition, out long world);
-        [DllImport(Library)] internal static extern int palpate_load_text(byte[] text, IntPtr definition, out long world);
-        [DllImport(Library)] internal static extern int palpate_load_replay(byte[] file, int run, IntPtr definition, out long world);
-        [DllImport(Library)] internal static extern int palpate_clone(long world, out long clone);
-        [DllImport(Library)] internal static extern int palpate_destroy(long world);
-        [DllImport(Library)] internal static extern int palpate_get_info(long world, ref WorldInfo info);
-        [DllImport(Library)] internal static extern int palpate_find_finger(long world, byte[] name, out int finger);
-        [DllImport(Library)] internal static extern int palpate_find_object(long world, byte[] name, out int found);
-        [DllImport(Library)] internal static extern int palpate_set(long world, IntPtr[] settings, int count);
-        [DllImport(Library)] internal static extern int palpate_set_finger_pose(long world, int finger, double[] pose);
-        [DllImport(Library)] internal static extern int palpate_release_finger(long world, int finger);
-        [DllImport(Library)] internal static extern int palpate_set_object_pose(long world, int index, double[] pose);
-        [DllImport(Library)] internal static extern int palpate_release_object(long world, int index);
-        [DllImport(Library)] internal static extern int palpate_step(long world, int n);
-        [DllImport(Library)] internal static extern int palpate_step_to(long world, double time);
-        [DllImport(Library)] internal static extern int palpate_view(long world, int field, int index, ref View view);
-        [DllImport(Library)] internal static extern int palpate_get_finger(long world, int finger, ref FingerState state);
-        [DllImport(Library)] internal static extern int palpate_get_object(long world, int index, ref ObjectState state);
-        [DllImport(Library)] internal static extern int palpate_get_thimble(long world, int thimble, ref ThimbleState state);
-        [DllImport(Library)] internal static extern int palpate_save(long world, byte[] buffer, long capacity, out long needed);
-        [DllImport(Library)] internal static extern int palpate_restore(long world, byte[] bytes, long size);
-        [DllImport(Library)] internal static extern int palpate_get_replay(long world, ref ReplayState state);
-
-        internal static byte[] Text(string text) { return Encoding.UTF8.GetBytes(text + "\0"); }
-
-        internal static void Check(int code)
+        /// <summary>A vector of a joint's frame in palpate's world.</summary>
+        static double[] Turned(double x, double y, double z, double w, double vx, double vy, double vz)
         {
-            if (code == 0) return;
-            IntPtr message = palpate_last_error();
-            int length = 0;
-            while (Marshal.ReadByte(message, length) != 0) ++length;
-            byte[] bytes = new byte[length];
-            Marshal.Copy(message, bytes, 0, length);
-            throw new PalpateException(code, Encoding.UTF8.GetString(bytes));
+            double cx = y * vz - z * vy + w * vx, cy = z * vx - x * vz + w * vy, cz = x * vy - y * vx + w * vz;
+            return new double[] { vx + 2 * (y * cz - z * cy), vz + 2 * (x * cy - y * cx), vy + 2 * (z * cx - x * cz) };
         }
     }
 
@@ -180,28 +115,89 @@ namespace Palpate
         World(long id) { this.id = id; }
         ~World() { Dispose(); }
 
-        /// <summary>From a scene file, or the name of a scene that comes with palpate.</summary>
-        public static World Load(string file)
+        /// <summary>Of palpate, for example "0.1.0".</summary>
+        public static string Version { get { return Native.Said(Native.palpate_version()); } }
+
+        /// <summary>Of palpate.h, as the library has it.</summary>
+        public static int ApiVersion { get { return Native.palpate_api_version(); } }
+
+        delegate int Maker(ref Native.WorldDef definition, out long world);
+
+        static World Made(int threads, string[] settings, string folder, Maker make)
         {
-            long id;
-            Native.Check(Native.palpate_load(Native.Text(file), IntPtr.Zero, out id));
-            return new World(id);
+            using (Pins pins = new Pins())
+            {
+                Native.WorldDef definition = new Native.WorldDef();
+                Native.Check(Native.palpate_default_world_def(ref definition, Marshal.SizeOf(typeof(Native.WorldDef))));
+                definition.Threads = threads;
+                definition.SettingCount = settings == null ? 0 : settings.Length;
+                definition.Settings = pins.Of(pins.Texts(settings));
+                definition.Folder = pins.Text(folder);
+                long id;
+                Native.Check(make(ref definition, out id));
+                return new World(id);
+            }
         }
 
-        /// <summary>From the text of a scene (TOML).</summary>
-        public static World LoadText(string text)
+        /// <summary>From a scene file, or the name of a scene that comes with palpate; settings such as
+        /// "solver.preset=balanced"; threads that a step uses, 0 for as many as the machine has.</summary>
+        public static World Load(string file, string[] settings = null, int threads = 1)
         {
-            long id;
-            Native.Check(Native.palpate_load_text(Native.Text(text), IntPtr.Zero, out id));
-            return new World(id);
+            return Made(threads, settings, null, (ref Native.WorldDef definition, out long world) =>
+                Native.palpate_load(Native.Text(file), ref definition, out world));
+        }
+
+        /// <summary>From the text of a scene (TOML); `folder` is where the files that it names are.</summary>
+        public static World LoadText(string text, string[] settings = null, int threads = 1, string folder = null)
+        {
+            return Made(threads, settings, folder, (ref Native.WorldDef definition, out long world) =>
+                Native.palpate_load_text(Native.Text(text), ref definition, out world));
+        }
+
+        /// <summary>From descriptions; steps of `dt` [s]; `more`: further lines of the scene (TOML).</summary>
+        public static World Build(FingerOptions[] fingers, ObjectOptions[] objects, double dt = 0.001, string preset = "balanced",
+                                  string more = null, string[] settings = null, int threads = 1)
+        {
+            using (Pins pins = new Pins())
+            {
+                Native.SceneDef scene = new Native.SceneDef();
+                Native.Check(Native.palpate_default_scene_def(ref scene, Marshal.SizeOf(typeof(Native.SceneDef))));
+                scene.FingerCount = fingers.Length;
+                scene.ObjectCount = objects.Length;
+                scene.Fingers = Row(fingers, typeof(Native.FingerDef), f => new Native.FingerDef(f, pins), pins);
+                scene.Objects = Row(objects, typeof(Native.ObjectDef), o => new Native.ObjectDef(o, pins), pins);
+                scene.Dt = dt;
+                scene.Preset = pins.Text(preset);
+                scene.More = pins.Text(more);
+                return Made(threads, settings, null, (ref Native.WorldDef definition, out long world) =>
+                    Native.palpate_build(ref scene, ref definition, out world));
+            }
+        }
+
+        /// <summary>Structs one after the other, as C has an array of them.</summary>
+        static IntPtr Row<Options>(Options[] all, Type type, Func<Options, object> made, Pins pins)
+        {
+            int size = Marshal.SizeOf(type);
+            byte[] bytes = new byte[Math.Max(1, size * all.Length)];
+            IntPtr place = pins.Of(bytes);
+            for (int i = 0; i < all.Length; ++i) Marshal.StructureToPtr(made(all[i]), new IntPtr(place.ToInt64() + i * size), false);
+            return place;
         }
 
         /// <summary>Goes through a recorded run (1, 2, ...) again.</summary>
-        public static World Replay(string file, int run)
+        public static World Replay(string file, int run, int threads = 1)
         {
-            long id;
-            Native.Check(Native.palpate_load_replay(Native.Text(file), run, IntPtr.Zero, out id));
-            return new World(id);
+            return Made(threads, null, null, (ref Native.WorldDef definition, out long world) =>
+                Native.palpate_load_replay(Native.Text(file), run, ref definition, out world));
+        }
+
+        /// <summary>n steps of many worlds, in parallel, on all cores.</summary>
+        public static void StepMany(World[] worlds, int n)
+        {
+            long[] ids = new long[worlds.Length];
+            for (int i = 0; i < ids.Length; ++i) ids[i] = worlds[i].id;
+            Native.Check(Native.palpate_step_many(ids, ids.Length, n));
+            GC.KeepAlive(worlds);
         }
 
         /// <summary>Another world in the same state.</summary>
@@ -244,12 +240,63 @@ namespace Palpate
             return found;
         }
 
-        /// <summary>Changes a setting while it runs: "finger.index.material.young_kPa=40".</summary>
-        public void Set(string setting)
+        /// <summary>Changes settings while it runs: "finger.index.material.young_kPa=40".</summary>
+        public void Set(params string[] settings)
         {
-            GCHandle text = GCHandle.Alloc(Native.Text(setting), GCHandleType.Pinned);
-            try { Native.Check(Native.palpate_set(id, new IntPtr[] { text.AddrOfPinnedObject() }, 1)); }
-            finally { text.Free(); }
+            using (Pins pins = new Pins()) Native.Check(Native.palpate_set(id, pins.Texts(settings), settings.Length));
+        }
+
+        /// <summary>A text of the world, or the name of finger or object `index`, the kind of thimble `index`.</summary>
+        public string Text(Told text, int index = 0)
+        {
+            long needed;
+            Native.Check(Native.palpate_get_text(id, (int)text, index, null, 0, out needed));
+            byte[] bytes = new byte[needed];
+            Native.Check(Native.palpate_get_text(id, (int)text, index, bytes, needed, out needed));
+            return Encoding.UTF8.GetString(bytes, 0, bytes.Length - 1);
+        }
+
+        /// <summary>Ids of what there is now, in the order of rows of the world's fields (index -1).</summary>
+        public int[] List(Part what)
+        {
+            int count;
+            Native.Check(Native.palpate_list(id, (int)what, null, 0, out count));
+            int[] ids = new int[count];
+            if (count > 0) Native.Check(Native.palpate_list(id, (int)what, ids, count, out count));
+            return ids;
+        }
+
+        /// <summary>A finger more, between steps: its id. Tens of milliseconds; the others go on with the same bits.</summary>
+        public int AddFinger(FingerOptions options)
+        {
+            using (Pins pins = new Pins())
+            {
+                int added;
+                Native.FingerDef definition = new Native.FingerDef(options, pins);
+                Native.Check(Native.palpate_add_finger(id, ref definition, out added));
+                return added;
+            }
+        }
+
+        public void RemoveFinger(int finger) { Native.Check(Native.palpate_remove_finger(id, finger)); }
+
+        public int AddObject(ObjectOptions options)
+        {
+            using (Pins pins = new Pins())
+            {
+                int added;
+                Native.ObjectDef definition = new Native.ObjectDef(options, pins);
+                Native.Check(Native.palpate_add_object(id, ref definition, out added));
+                return added;
+            }
+        }
+
+        public void RemoveObject(int index) { Native.Check(Native.palpate_remove_object(id, index)); }
+
+        /// <summary>The simulated thimble that a finger wears from now on; null: none.</summary>
+        public void SetThimble(int finger, string kind, string method = null)
+        {
+            Native.Check(Native.palpate_set_thimble(id, finger, Native.Text(kind), Native.Text(method)));
         }
 
         /// <summary>Tracked pose of a finger from the next step on; null: its tracker does not see it.</summary>
@@ -269,17 +316,25 @@ namespace Palpate
 
         public void ReleaseObject(int index) { Native.Check(Native.palpate_release_object(id, index)); }
 
-        static void CheckPose(double[] pose, bool mayBeNull)
+        internal static void CheckPose(double[] pose, bool mayBeNull)
         {
             if (pose == null ? !mayBeNull : pose.Length != 7)
                 throw new ArgumentException("a pose is 7 numbers: position x y z [m], rotation w x y z");
         }
 
-        public void Step(int n) { Native.Check(Native.palpate_step(id, n)); }
+        public void Step(int n)
+        {
+            Native.Check(Native.palpate_step(id, n));
+            GC.KeepAlive(this);  // no finalizer comes between
+        }
 
         /// <summary>Until the simulated time [s] is reached to half a step: in Unity from FixedUpdate, with
         /// Time.fixedTimeAsDouble.</summary>
-        public void StepTo(double time) { Native.Check(Native.palpate_step_to(id, time)); }
+        public void StepTo(double time)
+        {
+            Native.Check(Native.palpate_step_to(id, time));
+            GC.KeepAlive(this);
+        }
 
         Native.View Shown(Field field, int index)
         {
@@ -339,6 +394,31 @@ namespace Palpate
             Native.Check(Native.palpate_get_thimble(id, thimble, ref state));
             return state;
         }
+
+        /// <summary>From now on every step leaves a snapshot for ReadSnapshot.</summary>
+        public void KeepSnapshots(bool on) { Native.Check(Native.palpate_keep_snapshots(id, on ? 1 : 0)); }
+
+        /// <summary>From any thread: a finger in the newest snapshot, positions and forces [samples][3], never parts of two
+        /// steps. Arrays are made anew only where they have another size.</summary>
+        public FingerState ReadSnapshot(int finger, ref double[] positions, ref double[] forces)
+        {
+            FingerState state = new FingerState();
+            state.Size = Marshal.SizeOf(typeof(FingerState));
+            int samples;
+            Native.Check(Native.palpate_read_snapshot(id, finger, ref state, null, null, 0, out samples));
+            if (positions == null || positions.Length != 3 * samples) positions = new double[3 * samples];
+            if (forces == null || forces.Length != 3 * samples) forces = new double[3 * samples];
+            Native.Check(Native.palpate_read_snapshot(id, finger, ref state, positions, forces, samples, out samples));
+            return state;
+        }
+
+        /// <summary>So many frames per simulated second are kept for Text(Told.Report), an HTML page; 0: none.</summary>
+        public void KeepFrames(double perSecond) { Native.Check(Native.palpate_keep_frames(id, perSecond)); }
+
+        /// <summary>From the first step on every step is recorded, for `palpate replay` and World.Replay.</summary>
+        public void Record(string file) { Native.Check(Native.palpate_record(id, Native.Text(file))); }
+
+        public void EndRecording() { Native.Check(Native.palpate_end_recording(id)); }
 
         /// <summary>The whole state: a branch point.</summary>
         public byte[] Save()

@@ -6,33 +6,33 @@ public class PalpateFinger : MonoBehaviour
 {
     [Tooltip("Its name in the scene")]
     public string finger = "index";
-    [Tooltip("What it follows, in this world's frame; nothing: its track in the scene")]
+    [Tooltip("What it follows, as it is turned: x to the tip, y to the nail. Joints of a tracked hand are turned otherwise: PalpateHand takes those. Nothing: the hand, or its track in the scene")]
     public Transform follows;
 
     /// <summary>Net contact force on the skin [N], contact area [m^2].</summary>
     public Vector3 Force { get; private set; }
     public float Area { get; private set; }
 
-    Palpate.World world;
+    PalpateWorld world;
     int index;
 
-    internal void Begin(Palpate.World world)
+    internal void Begin(PalpateWorld world)
     {
         this.world = world;
-        index = world.FindFinger(finger);
+        index = world.World.FindFinger(finger);
     }
 
     internal void Send()
     {
         if (follows == null) return;
-        Vector3 p = follows.localPosition;
-        Quaternion q = follows.localRotation;
-        world.SetFingerPose(index, Palpate.Coordinates.PoseFromUnity(p.x, p.y, p.z, q.x, q.y, q.z, q.w));
+        Vector3 p = world.Place(follows);
+        Quaternion q = world.Turn(follows);
+        world.World.SetFingerPose(index, Palpate.Coordinates.PoseFromUnity(p.x, p.y, p.z, q.x, q.y, q.z, q.w));
     }
 
     internal void Receive()
     {
-        Palpate.FingerState state = world.Finger(index);
+        Palpate.FingerState state = world.World.Finger(index);
         float x, y, z, w;
         Palpate.Coordinates.ToUnity(state.Force[0], state.Force[1], state.Force[2], out x, out y, out z);
         Force = new Vector3(x, y, z);

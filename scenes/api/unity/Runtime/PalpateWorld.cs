@@ -10,6 +10,7 @@ public class PalpateWorld : MonoBehaviour
     public Palpate.World World { get; private set; }
     PalpateFinger[] fingers;
     PalpateObject[] objects;
+    PalpateHand[] hands;
     double begin;
 
     void Awake()
@@ -17,19 +18,26 @@ public class PalpateWorld : MonoBehaviour
         World = Palpate.World.Load(scene);
         fingers = GetComponentsInChildren<PalpateFinger>();
         objects = GetComponentsInChildren<PalpateObject>();
-        foreach (PalpateFinger finger in fingers) finger.Begin(World);
+        hands = GetComponentsInChildren<PalpateHand>();
+        foreach (PalpateFinger finger in fingers) finger.Begin(this);
+        foreach (PalpateHand hand in hands) hand.Begin(this);
         foreach (PalpateObject thing in objects) thing.Begin(World);
         begin = Time.fixedTimeAsDouble;
     }
 
     void FixedUpdate()
     {
+        foreach (PalpateHand hand in hands) hand.Send();
         foreach (PalpateFinger finger in fingers) finger.Send();
         foreach (PalpateObject thing in objects) thing.Send();
         World.StepTo(Time.fixedTimeAsDouble - begin);
         foreach (PalpateFinger finger in fingers) finger.Receive();
         foreach (PalpateObject thing in objects) thing.Receive();
     }
+
+    /// <summary>Where a transform, of the hierarchy below or of any other, is in this world's frame.</summary>
+    internal Vector3 Place(Transform of) { return transform.InverseTransformPoint(of.position); }
+    internal Quaternion Turn(Transform of) { return Quaternion.Inverse(transform.rotation) * of.rotation; }
 
     void OnDestroy()
     {
