@@ -85,6 +85,7 @@ if(PROJECT_IS_TOP_LEVEL)
     set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME palpate)
     set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
     set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "python3-numpy")  # for `import palpate`
+    set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "libopenxr-loader1")  # for hands from a headset
     set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME palpate-dev)
     set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
     set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "palpate (= ${PROJECT_VERSION}), libeigen3-dev, libtbb-dev, \
