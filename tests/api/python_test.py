@@ -345,7 +345,11 @@ class Palpate(unittest.TestCase):
             convert = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute", "--output-dir", scratch.name, str(file)]
             ran = subprocess.run(convert, capture_output=True, text=True)
             self.assertEqual(0, ran.returncode, ran.stderr)
-            self.assertIn("A finger on a table", next(pathlib.Path(scratch.name).glob("*.html")).read_text())
+            page = next(pathlib.Path(scratch.name).glob("*.html")).read_text()
+            self.assertIn("A finger on a table", page)
+            self.assertIn("1 frames shown", page)  # the offline report, in its frame
+            if subprocess.run([sys.executable, "-c", "import matplotlib"], capture_output=True).returncode == 0:
+                self.assertIn("data:image/png", page)
 
 
 if __name__ == "__main__":
