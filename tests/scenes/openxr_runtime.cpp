@@ -31,8 +31,9 @@ bool lacks(const char* what) {
 XrSessionState told = XR_SESSION_STATE_UNKNOWN;
 bool running = false;
 template <class Handle>
-Handle handle(std::uintptr_t number) {
-    return reinterpret_cast<Handle>(number);
+Handle handle(std::size_t number) {
+    static char places[8];
+    return reinterpret_cast<Handle>(&places[number]);
 }
 
 XrResult XRAPI_CALL list_extensions(const char*, std::uint32_t capacity, std::uint32_t* count,
