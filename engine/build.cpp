@@ -289,7 +289,13 @@ ContactSurface contact_surface_of(const TetMesh& mesh) {
             of_pad = of_pad && at != mesh.pad_nodes.end() && *at == face[k];
             samples[k] = int(at - mesh.pad_nodes.begin());
         }
-        if (of_pad) c.faces.push_back(samples);
+        if (!of_pad) continue;
+        c.faces.push_back(samples);
+        for (std::size_t k = 0; k < 3; ++k) {
+            const Vec3<double> edge =
+                c.position[std::size_t(samples[k])] - c.position[std::size_t(samples[(k + 1) % 3])];
+            c.longest_edge = std::max(c.longest_edge, norm(edge));
+        }
     }
     c.objects.reserve(8);
     return c;

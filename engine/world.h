@@ -87,7 +87,8 @@ struct ContactSurface {
     std::vector<Vec3<double>> pressing;            ///< what of it is along the objects' normals, world frame [N]
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
     std::vector<std::array<int, 3>> faces;         ///< of the pad, three samples each, outward; written at load
-    std::vector<Vec3<double>> outward;             ///< scratch, [sample] finger frame
+    std::vector<Vec3<double>> outward;             ///< scratch, [sample] finger frame, as long as twice an area
+    double longest_edge = 0;                       ///< of those faces at rest [m], written at load
     bool rough = false;                            ///< forces are far from balanced: not to be rendered
     std::int64_t rough_steps = 0;
     Vec3<double> total{0, 0, 0};  ///< sum of forces [N]

@@ -55,6 +55,7 @@ struct FeatureContact {
     double offset = 0;              ///< gap at which it touches: below 0 while an overlap is being undone [m]
     double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]
     double parting = 0, brake = 0;  ///< speed that is left [m/s], and the impulse that takes the rest away [N s]
+    double bounce = 0;              ///< impulse with which it bounces [N s]
     std::array<PairTerm, 2> terms;  ///< normal, friction
 };
 

@@ -15,7 +15,12 @@ struct BodyProgress {
     Motion gradient = Motion::Zero(), rhs = Motion::Zero(), step = Motion::Zero(), added = Motion::Zero();
     Motion first_step = Motion::Zero();
     BodyTerms inertia;
-    int island = -1, row = 0;  ///< row: of its 6 unknowns in the island's matrix
+    double kinetic = 0;              ///< energy, when the step began [J]
+    Vec3<double> weight{0, 0, 0};    ///< [N]
+    double gain = 0, supported = 0;  ///< energy that contacts gave it in this step, and what they may have given [J]
+    double load = 0;                 ///< sum of the forces of contacts [N]
+    Vec3<double> carried{0, 0, 0};   ///< way of what they belong to, times those forces [m N]
+    int island = -1, row = 0;        ///< row: of its 6 unknowns in the island's matrix
 };
 
 /// Lanes and bodies that touch each other, directly or through others: they iterate as one.

@@ -279,6 +279,8 @@ void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<Pa
         b.target = free_flight(body, b.start, gravity, w.solver.dt);
         b.base = b.pose = centre_pose(body, shape.pose);
         b.step.setZero();
+        b.kinetic = kinetic_energy(body, start.rotation);
+        b.weight = body.mass * gravity;
     }
     begin_planes(w);
     find_coupled_chunks(w);

@@ -93,6 +93,10 @@ void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector
 /// has converged or not, and keeps the fingers' forces as they then are.
 void balance_planes(BodyWork& work);
 
+/// No contact gives a body more energy than what it belongs to has lost: takes the rest from its velocity. Where a long
+/// step takes a body past something round, the force at the end of its way lies along that way, and works.
+void brake_gains(BodyWork& work);
+
 /// Takes over where the solve has brought lanes and bodies: velocities and statuses; bounces; puts bodies to sleep.
 void end_body_step(BodyWork& work);
 

@@ -54,6 +54,11 @@ inline Vec3<double> angular_velocity(const RigidBody& body, const Quaternion<dou
     return R * ((1 / det) * Vec3<double>{dot(cross(b, c), L), dot(cross(c, a), L), dot(cross(a, b), L)});
 }
 
+inline double kinetic_energy(const RigidBody& body, const Quaternion<double>& rotation) {
+    return 0.5 * (body.mass * dot(body.velocity, body.velocity) +
+                  dot(angular_velocity(body, rotation), body.angular_momentum));
+}
+
 /// Where the body would be at the end of the step without contact: gravity, and a free turn by the midpoint rule, which
 /// keeps its angular momentum.
 inline Pose<double> free_flight(const RigidBody& body, const Pose<double>& centre, const Vec3<double>& gravity,

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "engine/contact/crossed_skin.h"
 #include "engine/contact/fitted.h"
 #include "engine/skin/solve/progress.h"
 #include "engine/systems.h"
@@ -72,18 +73,21 @@ bool rubs(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
     return dot(friction, friction) > 0;
 }
 
-/// Nodes that are pressed out of the finger, rather than into it: along their own outward normal. What presses there
-/// has passed through the skin.
-template <class T>
-int pressed_from_inside(const SkinChunk<T>& c, int lane, ContactSurface& out) {
-    constexpr double straight = 0.7;  // skin that folds around an edge meets it from the side
-    const SkinTopology& t = *c.topology;
+void find_outward(ContactSurface& out) {
     std::fill(out.outward.begin(), out.outward.end(), Vec3<double>{0, 0, 0});
     for (const auto& f : out.faces) {
         const Vec3<double>& a = out.position[std::size_t(f[0])];
         const Vec3<double> area = cross(out.position[std::size_t(f[1])] - a, out.position[std::size_t(f[2])] - a);
         for (int s : f) out.outward[std::size_t(s)] += area;
     }
+}
+
+/// Nodes that are pressed out of the finger, rather than into it: along their own outward normal. What presses there
+/// has passed through the skin.
+template <class T>
+int pressed_from_inside(const SkinChunk<T>& c, int lane, const ContactSurface& out) {
+    constexpr double straight = 0.7;  // skin that folds around an edge meets it from the side
+    const SkinTopology& t = *c.topology;
     int wrong = 0;
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
         for (std::size_t s = 0; s < t.samples.size(); ++s) {
@@ -162,7 +166,9 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     for (std::size_t s = 0; s < S; ++s)
         if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
     SkinStatus& status = c.status[std::size_t(lane)];
+    if (slots > 0) find_outward(out);
     status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
+    status.wrong_sides += nodes_behind(c, lane, out);
     if (status.wrong_sides > 0) status.converged = false;
     out.rough = !status.converged && status.contact_force_N > fitted::rough_from &&
                 status.residual_N > detail::fitted::rough_share * status.contact_force_N;

@@ -211,6 +211,30 @@ TEST(Bodies, BouncesAsItsRestitutionSays) {
     }
 }
 
+TEST(Bodies, BouncesTheSameInWhateverOrderObjectsAreDeclared) {
+    auto fallen = [](bool table_last) {
+        SceneSpec spec;
+        spec.solver.dt = 0.002;
+        ObjectSpec box = body(cube, 0.02, {0, 0, 0.03});
+        box.pose.rotation = about_x(0.15);
+        box.body->restitution = 0.78;
+        box.body->velocity = {0.2, 0, 0};
+        ObjectSpec other = body(cube, 0.05, {0.003, 0.002, 0.06});
+        spec.objects = {{"plane", {}, Pose<double>::identity(), 0.5}, box, other};
+        if (table_last) std::reverse(spec.objects.begin(), spec.objects.end());
+        Lab lab(spec);
+        std::vector<Vec3<double>> way;
+        for (int k = 0; k < 60; ++k) {
+            lab.run(0.002);
+            way.push_back(lab.world.shapes[1].pose.position);
+        }
+        return way;
+    };
+    const auto first = fallen(false), last = fallen(true);
+    EXPECT_GT(first.back().z, 0.009);
+    for (std::size_t k = 0; k < first.size(); ++k) EXPECT_LT(norm(first[k] - last[k]), 1e-6) << "step " << k;
+}
+
 TEST(Bodies, ABallRollsWithoutSlipping) {
     for (double dt : {0.001, 0.01}) {
         SceneSpec spec;

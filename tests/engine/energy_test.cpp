@@ -12,6 +12,12 @@ namespace {
 
 using namespace testing;
 
+TetMesh finger_of(int elements) {
+    TetMesh mesh = tetrahedralise(finger_surface(finger_shape("index")), {.elements = elements});
+    mark_regions(mesh, {});
+    return mesh;
+}
+
 struct Drop {
     int preset = 0;
     double dt = 1e-3;        ///< [s]
@@ -23,11 +29,7 @@ struct Drop {
 
 /// Share of its energy with which the ball comes back, at most.
 double energy_back(const Drop& d) {
-    static const TetMesh mesh = [] {
-        TetMesh m = tetrahedralise(finger_surface(finger_shape("index")), {.elements = 347});
-        mark_regions(m, {});
-        return m;
-    }();
+    static const TetMesh mesh = finger_of(347);
     SceneSpec spec;
     spec.gravity = {0, 0, 0};
     spec.solver.dt = d.dt;
@@ -69,6 +71,37 @@ TEST(Energy, NoPresetGainsAny) {
                     EXPECT_LT(energy_back({preset, dt, stiffness, mass, 2, false}), 1.005)
                         << preset << " " << dt << " " << stiffness << " " << mass;
                 }
+}
+
+/// A ball falls beside the middle of a finger, so far in a step that it passes the skin's curve: contact at the end of
+/// its way pushes along it.
+TEST(Energy, LongStepsPastWhatIsRoundGiveABodyNone) {
+    for (double dt : {5e-3, 10e-3, 20e-3})
+        for (double aside : {1e-3, 3e-3, 5e-3})
+            for (double mass : {1e-3, 3e-3, 30e-3}) {
+                SceneSpec spec;
+                spec.solver.dt = dt;
+                apply_preset(2, spec.solver);
+                FingerSpec f;
+                f.name = "index";
+                f.mesh = finger_of(120);
+                f.has_limits = true;
+                f.start = {{0, 0, 0}, about_x(3.14159265358979)};
+                spec.fingers.push_back(f);
+                spec.objects.push_back(body(ball, mass, {0, aside, 0.04}, 0.8));
+                Lab lab(spec);
+                auto energy = [&] {
+                    const RigidBody& b = lab.world.bodies[0];
+                    return kinetic_energy(b, lab.world.shapes[0].pose.rotation) +
+                           mass * g * lab.world.shapes[0].pose.position.z;
+                };
+                const double first = energy();
+                for (int k = 0; k < 20; ++k) {
+                    lab.run(dt);
+                    ASSERT_LT(energy(), first + 1e-4 * mass * g)
+                        << 1e3 * dt << " ms, " << 1e3 * aside << " mm aside, " << mass << " kg, step " << k;
+                }
+            }
 }
 
 }  // namespace

@@ -63,20 +63,21 @@ double pressed_on_round(double speed, const Shape& shape, double dt) {
 
 TEST(ThinAndFast, AFingerStaysOnItsSideOfARodOrSaysThatItDidNot) {
     int kept = 0, said = 0;
-    for (const ShapeKind kind : {ShapeKind::capsule, ShapeKind::cylinder}) {
-        const Shape round{kind, {4e-3, 0.03, 0}};
-        const double right = pressed_on_round(0.05, round, 1e-3);
-        ASSERT_GT(right, 0.1) << int(round.kind);
-        for (double speed : {0.1, 0.5, 1.6, 4.0, 10.0})
-            for (double dt : {1e-3, 5e-3, 20e-3}) {
-                const double force = pressed_on_round(speed, round, dt);
-                ++(force == 0 ? said : kept);
-                EXPECT_TRUE(force == 0 || std::abs(force - right) < 0.02 * right)
-                    << force << " N, " << speed << " m/s, " << 1e3 * dt << " ms, " << int(kind);
-            }
-    }
+    for (const ShapeKind kind : {ShapeKind::capsule, ShapeKind::cylinder})
+        for (const double radius : {3e-3, 4e-3}) {
+            const Shape round{kind, {radius, 0.03, 0}};
+            const double right = pressed_on_round(0.05, round, 1e-3);
+            ASSERT_GT(right, 0.1) << int(round.kind);
+            for (double speed : {0.1, 0.5, 1.6, 4.0, 10.0})
+                for (double dt : {1e-3, 5e-3, 20e-3}) {
+                    const double force = pressed_on_round(speed, round, dt);
+                    ++(force == 0 ? said : kept);
+                    EXPECT_TRUE(force == 0 || std::abs(force - right) < 0.02 * right)
+                        << force << " N, " << speed << " m/s, " << 1e3 * dt << " ms, " << int(kind) << ", " << radius;
+                }
+        }
     std::printf("%d kept their side, %d did not, and say so\n", kept, said);
-    EXPECT_LE(said, 4);
+    EXPECT_LE(said, 12);
 }
 
 TEST(ThinAndFast, ACardThrownAtAFingerStaysOutside) {

@@ -100,11 +100,14 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
                                 (e.penetration <= R(T(s.contact_tolerance)));
     p.converged = p.converged | (ready & satisfied);
     const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations)) + p.extra;
-    // Without a step after it, an update would count the same violation twice: the end of the step updates, too.
-    d.update = ready & !satisfied & !out_of_budget & (p.iterations > R(0)) &
+    // Without a step after it, an update would count the same violation twice: the end of the step updates, too. Nor
+    // does one follow another where forces are not balanced: what is pending would be added again and again, each time
+    // to a stiffer penalty, and what is small beside it grow with it.
+    const MaskOf<R> unbalanced_update = (p.updates > R(0)) & (p.slope >= R(0)) & (residual > tolerance);
+    d.update = ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & !unbalanced_update &
                (p.updates < R(T(fitted::updates_per_iteration * s.newton_iterations)));
     const MaskOf<R> first = p.iterations <= R(0);
-    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | (first & !satisfied));
+    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | ((first | unbalanced_update) & !satisfied));
     // It evaluates again, with a matrix.
     const MaskOf<R> rough =
         (e.contact_force > e.force_floor) & (residual > R(T(fitted::spike_share)) * e.contact_force);

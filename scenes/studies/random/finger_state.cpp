@@ -47,6 +47,21 @@ std::vector<std::array<int, 3>> outer_faces(const TetMesh& mesh) {
     return faces;
 }
 
+double distance_to_segment(const Vec3<double>& p, const Vec3<double>& a, const Vec3<double>& b) {
+    const Vec3<double> ab = b - a;
+    const double along = std::clamp(dot(p - a, ab) / std::max(dot(ab, ab), 1e-300), 0.0, 1.0);
+    return norm(p - a - along * ab);
+}
+
+double distance_to_triangle(const Vec3<double>& p, const Vec3<double>& a, const Vec3<double>& b,
+                            const Vec3<double>& c) {
+    const Vec3<double> n = cross(b - a, c - a);
+    const bool over =
+        dot(cross(b - a, p - a), n) >= 0 && dot(cross(c - b, p - b), n) >= 0 && dot(cross(a - c, p - c), n) >= 0;
+    if (over && dot(n, n) > 0) return std::abs(dot(p - a, n)) / norm(n);
+    return std::min({distance_to_segment(p, a, b), distance_to_segment(p, b, c), distance_to_segment(p, c, a)});
+}
+
 }  // namespace
 
 bool FingerState::finite() const {
@@ -62,18 +77,43 @@ Vec3<double> FingerState::momentum_rate(const FingerState& before, double dt) co
     return rate;
 }
 
-double FingerState::depth_behind_skin(const Shape& shape, const Pose<double>& pose) const {
-    constexpr double within = 2e-3, straight = 0.7;
-    double nearest = 1e300;
+double FingerState::depth_under_skin(const Shape& shape, const Pose<double>& pose) const {
+    constexpr double within = 4e-3, straight = 0.7;
+    double deepest = 0;
     for (int node : skin->mesh.pad_nodes) {
-        const SurfacePoint<double> s = surface_point(shape, pose, position[std::size_t(node)]);
+        const Vec3<double>& x = position[std::size_t(node)];
+        const SurfacePoint<double> s = surface_point(shape, pose, x);
         if (s.distance > within || s.distance < -1e-4) continue;  // inside an object: another law
         Vec3<double> outward{0, 0, 0};
         for (const auto& f : faces)
             if (f[0] == node || f[1] == node || f[2] == node) outward += area_vector(f);
-        if (dot(s.normal, outward) > straight * norm(outward)) nearest = std::min(nearest, s.distance);
+        if (dot(s.normal, outward) <= straight * norm(outward)) continue;
+        // Skin that is pressed in stands up beside what presses: behind such a wall, the object is outside again.
+        const Vec3<double> nearest = x - s.distance * s.normal;
+        if (in_tissue(nearest)) deepest = std::max(deepest, distance_to_skin(nearest));
     }
-    return nearest > within ? 0 : within - nearest;
+    return deepest;
+}
+
+bool FingerState::in_tissue(const Vec3<double>& p) const {
+    auto at = [&](int i) -> const Vec3<double>& { return position[std::size_t(i)]; };
+    return std::any_of(skin->mesh.tets.begin(), skin->mesh.tets.end(), [&](const auto& t) {
+        auto volume = [&](const Vec3<double>& a, const Vec3<double>& b, const Vec3<double>& c, const Vec3<double>& d) {
+            return dot(cross(b - a, c - a), d - a);
+        };
+        const double whole = volume(at(t[0]), at(t[1]), at(t[2]), at(t[3]));
+        return whole > 0 && volume(p, at(t[1]), at(t[2]), at(t[3])) > 0 &&
+               volume(at(t[0]), p, at(t[2]), at(t[3])) > 0 && volume(at(t[0]), at(t[1]), p, at(t[3])) > 0 &&
+               volume(at(t[0]), at(t[1]), at(t[2]), p) > 0;
+    });
+}
+
+double FingerState::distance_to_skin(const Vec3<double>& p) const {
+    double least = HUGE_VAL;
+    for (const auto& f : faces)
+        least = std::min(least, distance_to_triangle(p, position[std::size_t(f[0])], position[std::size_t(f[1])],
+                                                     position[std::size_t(f[2])]));
+    return least;
 }
 
 double FingerState::longest_edge() const {

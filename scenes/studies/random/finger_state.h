@@ -23,9 +23,13 @@ struct FingerState {
     bool finite() const;
     /// Change of the skin's momentum since the step before, per time [N].
     Vec3<double> momentum_rate(const FingerState& before, double dt) const;
-    /// How far an object's surface reaches above a depth of 2 mm under the skin [m], 0 where it lies deeper or outside:
-    /// it does where its nearest point to a node of the pad lies straight inward.
-    double depth_behind_skin(const Shape& shape, const Pose<double>& pose) const;
+    /// How deep inside the tissue an object's surface lies [m], where its nearest point to a node of the pad lies
+    /// straight inward; 0 where it is outside.
+    double depth_under_skin(const Shape& shape, const Pose<double>& pose) const;
+    /// Whether a point is inside an element, as they are now.
+    bool in_tissue(const Vec3<double>& point) const;
+    /// From the nearest face [m].
+    double distance_to_skin(const Vec3<double>& point) const;
     /// Longest edge between two nodes of the pad [m].
     double longest_edge() const;
     /// Outward normal of a face, as long as twice its area.

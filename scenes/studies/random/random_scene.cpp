@@ -1,11 +1,13 @@
 #include "scenes/studies/random/random_scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
 #include <initializer_list>
+#include <map>
 
 namespace palpate {
 
@@ -240,7 +242,148 @@ void draw_pinch(Random& r, RandomScene& s, int fingers, int elements, double dt)
     }
 }
 
+/// A ball of 80 facets with dents and bumps, 16 to 28 mm across; OBJ, in mm.
+std::string lumpy_ball(Random& r) {
+    const double radius = r.between(8, 14), lumps = r.between(0, 0.15), stretch = r.between(0.6, 1.4);
+    std::vector<std::array<double, 3>> points;
+    std::vector<std::array<int, 3>> faces;
+    for (int i = 0; i < 12; ++i) {  // an icosahedron: cyclic permutations of (0, 1, golden ratio)
+        const double one = i & 1 ? -1 : 1, golden = i & 2 ? -1.618033988749895 : 1.618033988749895;
+        std::array<double, 3> p{};
+        p[std::size_t(i / 4 + 1) % 3] = one, p[std::size_t(i / 4 + 2) % 3] = golden;
+        points.push_back(p);
+    }
+    auto apart2 = [&](int a, int b) {
+        double sum = 0;
+        for (std::size_t d = 0; d < 3; ++d) sum += std::pow(points[std::size_t(a)][d] - points[std::size_t(b)][d], 2);
+        return sum;
+    };
+    auto outward = [&](std::array<int, 3> f) {
+        const auto &a = points[std::size_t(f[0])], &b = points[std::size_t(f[1])], &c = points[std::size_t(f[2])];
+        const double volume = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
+                              a[2] * (b[0] * c[1] - b[1] * c[0]);
+        return volume > 0 ? f : std::array{f[0], f[2], f[1]};
+    };
+    for (int a = 0; a < 12; ++a)
+        for (int b = a + 1; b < 12; ++b)
+            for (int c = b + 1; c < 12; ++c)
+                if (apart2(a, b) < 4.1 && apart2(b, c) < 4.1 && apart2(c, a) < 4.1) faces.push_back(outward({a, b, c}));
+    std::map<std::pair<int, int>, int> middle;
+    auto between = [&](int a, int b) {
+        const auto [at, fresh] = middle.emplace(std::minmax(a, b), int(points.size()));
+        if (fresh) {
+            std::array<double, 3> p;
+            for (std::size_t d = 0; d < 3; ++d) p[d] = 0.5 * (points[std::size_t(a)][d] + points[std::size_t(b)][d]);
+            points.push_back(p);
+        }
+        return at->second;
+    };
+    std::string text;
+    std::string triangles;
+    for (const auto& f : faces) {
+        const int m[3] = {between(f[0], f[1]), between(f[1], f[2]), between(f[2], f[0])};
+        for (const auto& t : {std::array{f[0], m[0], m[2]}, std::array{m[0], f[1], m[1]}, std::array{m[2], m[1], f[2]},
+                              std::array{m[0], m[1], m[2]}})
+            triangles += line("f %d %d %d\n", t[0] + 1, t[1] + 1, t[2] + 1);
+    }
+    for (const auto& p : points) {
+        const double length = std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+        const double reach = radius * (1 - lumps * r.between(0, 1)) / length;
+        text += line("v %.4f %.4f %.4f\n", reach * p[0], reach * stretch * p[1], reach * p[2]);
+    }
+    return text + triangles;
+}
+
+/// Fingers from files and presets, conforming, with patches, of several layers.
+Block any_finger(Random& r, const std::string& name) {
+    const std::string kind = r.one_of({"preset", "conforming", "uniform", "layers"});
+    if (kind == "uniform") return finger(r, name, random_scene_elements[r.integer(0, 2)]);
+    Block b{"[[finger]]", "name = \"" + name + "\""};
+    if (kind == "preset")
+        b.push_back(line("finger = \"%s\"", r.one_of({"index-median", "little-small"})));
+    else
+        b.emplace_back("shape = { finger = \"index\" }");
+    if (kind == "conforming") {
+        b.emplace_back("elements = 350");
+        b.emplace_back("mesh = { kind = \"conforming\", patch = 5 }");
+    } else if (kind == "layers") {
+        b.emplace_back("elements = 180");
+        b.push_back(line("layer = [ { thickness_mm = 1.6, young_kPa = %.1f, low = 0.5, high = 1.5 } ]",
+                         r.log_between(20, 400)));
+    }
+    if (r.chance(0.5))
+        b.push_back(
+            line("device = { kind = \"%s\", method = \"%s\" }",
+                 r.one_of({"chinello-3rrs", "rrs-exact", "cable-3", "serial-3dof", "shear-2dof", "serial-5dof"}),
+                 r.one_of({"constrained", "constrained", "unconstrained", "plane", "force"})));
+    return b;
+}
+
+/// A thing with its top at `top`: a mesh, a rod, a card, something that gives way or that a script moves.
+Block any_thing(Random& r, RandomScene& s, const std::string& name, double y, double dt, double& top) {
+    Block b{"[[object]]", "name = \"" + name + "\""};
+    const std::string kind = r.one_of({"mesh", "rod", "card", "soft", "moved"});
+    double x = r.between(-2, 2);
+    if (kind == "mesh") {
+        if (s.mesh.empty()) s.mesh = lumpy_ball(r);
+        b.push_back(line("kind = \"mesh\"\nfile = \"%s\"", random_mesh_file));
+        if (r.chance(0.4)) b.push_back(line("smoothing_mm = %.2f", r.chance(0.5) ? 0 : r.between(0.3, 2)));
+        top = 14;
+    } else if (kind == "rod") {
+        const double radius = r.between(1.5, 5);
+        b.push_back(line("kind = \"%s\"\nradius_mm = %.3f\nlength_mm = 30", r.one_of({"capsule", "cylinder"}), radius));
+        b.push_back(line("rotation_deg = [90, 0, %.1f]", r.between(-90, 90)));
+        top = radius;
+    } else {
+        const double thickness = kind == "card" ? r.log_between(0.2, 3) : r.between(5, 20);
+        b.push_back(
+            line("kind = \"box\"\nsize_mm = [%.2f, %.2f, %.3f]", r.between(15, 40), r.between(15, 25), thickness));
+        top = 0.5 * thickness;
+    }
+    if (kind == "soft") b.push_back(line("stiffness_kPa_per_mm = %.2f", r.log_between(2, 500)));
+    if (kind == "moved") {
+        b.emplace_back("track = [");
+        b.push_back(keyframe(0, x, y, 0, 0, 0));
+        b.push_back(
+            keyframe(dt * r.integer(20, 60), x + r.between(-8, 8), y + r.between(-4, 4), r.between(-2, 2), 0, 0));
+        b.emplace_back("]");
+    } else {
+        b.push_back(line("position_mm = [%.3f, %.3f, 0]", x, y));
+    }
+    if (r.chance(0.6)) b.push_back(line("friction = %.3f", r.between(0.1, 1.2)));
+    return b;
+}
+
+/// Any finger on any thing, side by side.
+void draw_things(Random& r, RandomScene& s, int fingers, double dt) {
+    for (int i = 0; i < fingers; ++i) {
+        const double y = 26.0 * (i - 0.5 * (fingers - 1));
+        double top = 0;
+        s.blocks.push_back(any_thing(r, s, line("thing %d", i), y, dt, top));
+        Block b = any_finger(r, line("finger %d", i));
+        add_press(r, b, r.between(-2, 2), y, top, dt);
+        s.blocks.push_back(b);
+    }
+}
+
 }  // namespace
+
+RandomScene random_scene_fingers() {
+    RandomScene s;
+    s.blocks.push_back({"duration_s = 0.01"});
+    int i = 0;
+    auto add = [&](Block b) {
+        b.insert(b.begin(), {"[[finger]]", line("name = \"finger %d\"", i)});
+        b.push_back(line("track = [ { t_s = 0, position_mm = [0, %d, 0] } ]", 40 * i++));
+        s.blocks.push_back(b);
+    };
+    for (const char* name : {"thumb", "index", "middle", "ring", "little"})
+        for (int elements : random_scene_elements)
+            add({line("shape = { finger = \"%s\" }", name), line("elements = %d", elements)});
+    for (const char* preset : {"index-median", "little-small"}) add({line("finger = \"%s\"", preset)});
+    add({"shape = { finger = \"index\" }", "elements = 350", "mesh = { kind = \"conforming\", patch = 5 }"});
+    return s;
+}
 
 RandomScene random_scene(unsigned seed) {
     Random r{seed};
@@ -261,9 +404,11 @@ RandomScene random_scene(unsigned seed) {
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
     const int size = random_scene_elements[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
-    // Every tenth is of fingers alone; the others are those that there were before.
+    // Every tenth is of fingers alone, every tenth of other fingers and things.
     if (seed % 10 == 9)
         draw_pinch(r, s, fingers, size, dt);
+    else if (seed % 10 == 4)
+        draw_things(r, s, std::min(fingers, 3), dt);
     else if (kind < 0.4)
         draw_press(r, s, fingers, size, dt);
     else if (kind < 0.65)

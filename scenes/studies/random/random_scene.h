@@ -10,13 +10,18 @@ namespace palpate {
 /// blocks can be left out one by one (shrink_scene).
 struct RandomScene {
     std::vector<std::vector<std::string>> blocks;
+    std::string mesh;  ///< text of an OBJ file that stands beside it, `random_mesh_file`; empty: none
 };
+inline constexpr const char* random_mesh_file = "random-thing.obj";
 
 /// Elements of its fingers' meshes.
 inline constexpr int random_scene_elements[] = {120, 180, 250};
 
 /// The same scene for the same seed, on every machine.
 RandomScene random_scene(unsigned seed);
+
+/// A scene with one of each finger that random scenes are made of.
+RandomScene random_scene_fingers();
 
 /// Text of a scene file.
 std::string to_text(const RandomScene& scene);

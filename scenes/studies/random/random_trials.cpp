@@ -11,7 +11,7 @@
 #include <fstream>
 
 #include "meshes/input_error.h"
-#include "scenes/load/finger_mesh.h"
+#include "scenes/load/scene.h"
 #include "scenes/studies/random/shrink.h"
 
 namespace palpate {
@@ -65,6 +65,7 @@ std::vector<Violation> parse(const std::string& text) {
 std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::path& file, FingerTemplates& templates,
                              double time_limit) {
     std::ofstream(file) << to_text(scene);
+    if (!scene.mesh.empty()) std::ofstream(file.parent_path() / random_mesh_file) << scene.mesh;
     int ends[2];
     if (::pipe(ends) != 0) throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
     const pid_t child = ::fork();
@@ -88,16 +89,12 @@ std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::pa
 }
 
 /// Meshes that random scenes are made of: built once, processes inherit them.
-FingerTemplates random_scene_meshes() {
+FingerTemplates random_scene_meshes(const std::filesystem::path& folder) {
     FingerTemplates templates;
-    for (const char* name : {"thumb", "index", "middle", "ring", "little"})
-        for (int elements : random_scene_elements) {
-            FingerMeshRequest request;
-            request.shape = finger_shape(name);
-            request.elements = elements;
-            std::string note;
-            make_finger_mesh(request, templates, note);
-        }
+    const std::filesystem::path file = folder / "random-fingers.toml";
+    std::ofstream(file) << to_text(random_scene_fingers());
+    load_scene(file, {}, &templates);
+    std::filesystem::remove(file);
     return templates;
 }
 
@@ -109,7 +106,7 @@ bool breaks(const std::vector<Violation>& violations, const std::string& law) {
 
 void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
                        const std::function<void(const RandomTrial&)>& after_each) {
-    FingerTemplates templates = random_scene_meshes();
+    FingerTemplates templates = random_scene_meshes(t.folder);
     for (int k = 0; k < t.count && !stop; ++k) {
         RandomTrial trial;
         trial.seed = unsigned(t.first_seed + k);
@@ -119,12 +116,21 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
         if (stop) break;
         if (trial.violations.empty()) {
             std::filesystem::remove(file);
+            if (!scene.mesh.empty()) std::filesystem::remove(t.folder / random_mesh_file);
         } else {
             const std::string law = trial.violations.front().law;
             if (t.shrink)
                 scene = shrink_scene(scene, [&](const RandomScene& smaller) {
                     return !stop && breaks(judge(smaller, file, templates, t.time_limit), law);
                 });
+            if (!scene.mesh.empty()) {  // beside the scene, under a name of its own
+                const std::filesystem::path mesh = file.stem().string() + ".obj";
+                std::filesystem::rename(t.folder / random_mesh_file, t.folder / mesh);
+                for (auto& block : scene.blocks)
+                    for (std::string& l : block)
+                        if (const auto at = l.find(random_mesh_file); at != std::string::npos)
+                            l.replace(at, std::strlen(random_mesh_file), mesh.string());
+            }
             std::ofstream(file) << "# seed " << trial.seed << ": " << law << "\n# " << trial.violations.front().found
                                 << "\n"
                                 << to_text(scene);

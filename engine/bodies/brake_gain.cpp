@@ -1,0 +1,119 @@
+// Energy that bodies get from contacts.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/bodies/islands.h"
+#include "engine/skin/chunks/samples.h"
+
+namespace palpate {
+
+namespace {
+
+/// What is known no better: a thousandth of a body's energy, and its weight times a micrometre.
+double uncertainty(const RigidBody& body, const BodyProgress& b) {
+    return 1e-3 * (b.kinetic + kinetic_energy(body, b.pose.rotation)) + 1e-6 * norm(b.weight);
+}
+
+bool gains(const BodyWork& w, const BodyProgress& b, int body) {
+    return b.gain > uncertainty(w.bodies[std::size_t(body)], b);
+}
+
+/// A contact force on a body, of what has moved by `way`.
+void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& way) {
+    b.supported += dot(force, way);
+    b.load += norm(force);
+    b.carried += norm(force) * way;
+}
+
+/// How far the point of an object that is now at `point` has moved in this step.
+Vec3<double> way_of(const ContactBody& o, const Vec3<double>& point) {
+    return point - transform(o.start, inverse_transform(o.pose, point));
+}
+
+/// What skin gave to bodies that it touches.
+template <class T>
+void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
+    const SkinTopology& t = *c.topology;
+    const std::size_t W = std::size_t(c.width), L = std::size_t(lane);
+    auto node_way = [&](int node) {
+        Vec3<double> way;
+        for (int d = 0; d < 3; ++d) {
+            const std::size_t i = std::size_t(3 * node + d) * W + L;
+            way[d] = double(c.state.position[i]) - double(c.scratch.start_position[i]);
+        }
+        return way;
+    };
+    for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
+        if (const int body = c.contacts.at(slot, lane).body; is_plane(w, body) || !gains(w, b, body)) return;
+        for (std::size_t s = 0; s < samples_in_use<T>(c); ++s) {
+            const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * 3 * W + L;
+            const Vec3<double> force{double(c.exchange.slot_gradient[i]), double(c.exchange.slot_gradient[i + W]),
+                                     double(c.exchange.slot_gradient[i + 2 * W])};
+            if (dot(force, force) <= 0) continue;
+            if (s < t.samples.size()) {
+                support(b, force, node_way(t.samples[s]));
+                continue;
+            }
+            const FaceSample& f = t.face_samples[s - t.samples.size()];
+            Vec3<double> way{0, 0, 0};
+            for (std::size_t k = 0; k < 3; ++k) way += double(f.weight[k]) * node_way(f.node[k]);
+            support(b, force, way);
+        }
+    });
+}
+
+/// What other objects gave; of two bodies, neither is the other's ground: they meet half way.
+void add_support_of_objects(BodyWork& w) {
+    for (const BodyPair& p : w.s.pairs) {
+        if (p.a < 0) continue;
+        const ContactBody &a = w.s.objects[std::size_t(p.a)], &b = w.s.objects[std::size_t(p.b)];
+        for (const FeatureContact& contact : p.contacts)
+            for (const PairTerm& term : contact.terms) {
+                if (dot(term.gradient, term.gradient) <= 0) continue;
+                const Vec3<double> of_a = way_of(a, a.centre + term.arm_of_a),
+                                   of_b = way_of(b, b.centre + term.arm_of_b);
+                const Vec3<double> both = 0.5 * (of_a + of_b);
+                if (a.body >= 0) support(w.s.bodies[std::size_t(a.body)], -term.gradient, b.body < 0 ? of_b : both);
+                if (b.body >= 0) support(w.s.bodies[std::size_t(b.body)], term.gradient, a.body < 0 ? of_a : both);
+            }
+    }
+}
+
+}  // namespace
+
+void brake_gains(BodyWork& w) {
+    if (!w.solver.inertia) return;
+    bool any = false;
+    auto for_each_gaining = [&](auto visit) {
+        for (const RigidShape& shape : w.shapes) {
+            if (shape.body < 0) continue;
+            RigidBody& body = w.bodies[std::size_t(shape.body)];
+            // Where a solve ends early, nothing may push any more what it has thrown.
+            const bool pushed = !body.converged || dot(body.contact_force, body.contact_force) > 0;
+            if (pushed && !body.asleep && !body.reset) visit(body, w.s.bodies[std::size_t(shape.body)], shape.body);
+        }
+    };
+    for_each_gaining([&](RigidBody& body, BodyProgress& b, int row) {
+        b.gain = kinetic_energy(body, b.pose.rotation) - b.kinetic - dot(b.weight, b.pose.position - b.start.position);
+        b.supported = b.load = 0;
+        b.carried = {0, 0, 0};
+        any |= gains(w, b, row);
+    });
+    if (!any) return;
+    for_each_lane(w, [&](const auto& c, int lane, const Island&) { add_support_of_skin(w, c, lane); });
+    add_support_of_objects(w);
+    for_each_gaining([&](RigidBody& body, BodyProgress& b, int) {
+        const double excess = b.gain - std::max(0.0, b.supported);
+        if (excess <= uncertainty(body, b)) return;
+        const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};
+        const Vec3<double> speed = body.velocity - along;
+        const double energy =
+            0.5 * (body.mass * dot(speed, speed) + dot(angular_velocity(body, b.pose.rotation), body.angular_momentum));
+        const double share = std::sqrt(std::clamp(1 - excess / energy, 0.0, 1.0));
+        body.velocity = along + share * speed;
+        body.angular_momentum = share * body.angular_momentum;
+    });
+}
+
+}  // namespace palpate

@@ -1,0 +1,135 @@
+#include "engine/contact/crossed_skin.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+namespace {
+
+/// An object's surface is looked for so far behind a node [m]; as a share of the pad's longest edge, how deep it must
+/// be, how far it may move in a step before it might have come through, and which radius lets it through slowly, too (a
+/// ball of 7 mm was pressed in between nodes 6 mm apart).
+constexpr double within = 4e-3, deep = 0.25, fast = 0.25, narrow = 2;
+
+template <class T>
+bool touches(const SkinChunk<T>& c, int lane, int slot, std::size_t sample) {
+    const std::size_t i = std::size_t(slot) * c.topology->sample_count() + sample;
+    return c.state.normal_multiplier[i * std::size_t(c.width) + std::size_t(lane)] > 0;
+}
+
+/// How far a finger's bone and an object moved past each other in this step [m].
+template <class T>
+double travel(const SkinChunk<T>& c, int lane, const LaneContact& o) {
+    Vec3<double> way;
+    for (int d = 0; d < 3; ++d) {
+        const std::size_t i = std::size_t(d * c.width + lane);
+        way[d] = double(c.state.bone[i]) - double(c.scratch.start_bone[i]);
+    }
+    return norm(way - (o.pose.position - o.start.position));
+}
+
+/// How far a point on a box or a cylinder is from the nearest of its edges [m].
+double distance_to_edge(const Shape& shape, const Vec3<double>& x) {
+    if (shape.kind == ShapeKind::cylinder) {
+        const double beside = shape.size.x - std::hypot(x.x, x.y), over = shape.size.y - std::abs(x.z);
+        return std::max(std::abs(beside), std::abs(over));
+    }
+    double gap[3];
+    for (int d = 0; d < 3; ++d) gap[d] = std::abs(shape.size[d] - std::abs(x[d]));
+    return std::max(std::min(gap[0], gap[1]), std::min(std::max(gap[0], gap[1]), gap[2]));
+}
+
+/// Whether an object could be between samples.
+template <class T>
+bool may_be_behind(const SkinChunk<T>& c, int lane, int slot, const ContactSurface& surface) {
+    const LaneContact& o = c.contacts.at(slot, lane);
+    if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind == ShapeKind::plane) return false;
+    const double edge = surface.longest_edge;
+    if (travel(c, lane, o) > fast * edge) return true;
+    if (o.shape.kind == ShapeKind::mesh) return false;
+    if (o.shape.kind != ShapeKind::box && o.shape.size.x < narrow * edge) return true;
+    bool touched = false;
+    for (std::size_t s = 0; s < c.topology->samples.size(); ++s) {
+        if (!touches(c, lane, slot, s)) continue;
+        touched = true;
+        if (!has_sides(o.shape.kind)) return false;
+        const Vec3<double> x = transform(surface.bone, surface.position[s]);
+        if (distance_to_edge(o.shape, inverse_transform(o.pose, x)) < edge) return true;
+    }
+    return !touched;
+}
+
+double distance_to_segment(const Vec3<double>& p, const Vec3<double>& a, const Vec3<double>& b) {
+    const Vec3<double> ab = b - a;
+    const double along = std::clamp(dot(p - a, ab) / std::max(dot(ab, ab), 1e-300), 0.0, 1.0);
+    return norm(p - a - along * ab);
+}
+
+/// Of a point from the pad's faces, in the finger's frame [m].
+double distance_to_pad(const ContactSurface& surface, const Vec3<double>& p) {
+    double least = HUGE_VAL;
+    for (const auto& f : surface.faces) {
+        const Vec3<double>&a = surface.position[std::size_t(f[0])], &b = surface.position[std::size_t(f[1])],
+              &c = surface.position[std::size_t(f[2])];
+        const Vec3<double> n = cross(b - a, c - a);
+        const bool over =
+            dot(cross(b - a, p - a), n) >= 0 && dot(cross(c - b, p - b), n) >= 0 && dot(cross(a - c, p - c), n) >= 0;
+        const double to_face = over && dot(n, n) > 0 ? std::abs(dot(p - a, n)) / norm(n) : HUGE_VAL;
+        least = std::min(
+            {least, to_face, distance_to_segment(p, a, b), distance_to_segment(p, b, c), distance_to_segment(p, c, a)});
+    }
+    return least;
+}
+
+/// Whether a point (world) is inside an element.
+template <class T>
+bool in_tissue(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
+    const Vec3<double> p = point - lane_origin(c, lane);
+    auto node = [&](int i) {
+        const T* x = &c.state.position[std::size_t(3 * i * c.width + lane)];
+        return Vec3<double>{double(x[0]), double(x[c.width]), double(x[2 * c.width])} - p;
+    };
+    auto volume = [](const Vec3<double>& a, const Vec3<double>& b, const Vec3<double>& d) {
+        return dot(a, cross(b, d));
+    };
+    return std::any_of(c.topology->elements.begin(), c.topology->elements.end(), [&](const auto& t) {
+        const Vec3<double> x = node(t[0]), y = node(t[1]), z = node(t[2]), w = node(t[3]);
+        // Parts that the point cuts off: all of one sign where it is inside, whatever the order of the nodes.
+        const double a = volume(y, z, w), b = -volume(x, z, w), d = volume(x, y, w), e = -volume(x, y, z);
+        return (a > 0 && b > 0 && d > 0 && e > 0) || (a < 0 && b < 0 && d < 0 && e < 0);
+    });
+}
+
+/// Whether an object's surface nearest to a node lies straight inward from it, and deep in the tissue: where skin that
+/// is pressed in stands up beside what presses, the object behind that wall is outside again.
+template <class T>
+bool is_behind(const SkinChunk<T>& c, int lane, const LaneContact& o, const ContactSurface& surface, std::size_t s) {
+    constexpr double straight = 0.7;
+    const Vec3<double> x = transform(surface.bone, surface.position[s]);
+    const SurfacePoint<double> near = surface_point(o.shape, o.pose, x);
+    if (near.distance > within || near.distance < -1e-4) return false;
+    const Vec3<double> outward = rotation_matrix(surface.bone.rotation) * surface.outward[s];
+    if (dot(near.normal, outward) <= straight * norm(outward)) return false;
+    const Vec3<double> there = x - near.distance * near.normal;
+    return in_tissue(c, lane, there) &&
+           distance_to_pad(surface, inverse_transform(surface.bone, there)) > deep * surface.longest_edge;
+}
+
+}  // namespace
+
+template <class T>
+int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
+    int count = 0;
+    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+        if (!may_be_behind(c, lane, slot, surface)) continue;
+        const LaneContact& o = c.contacts.at(slot, lane);
+        for (std::size_t s = 0; s < c.topology->samples.size(); ++s) count += is_behind(c, lane, o, surface, s);
+    }
+    return count;
+}
+
+template int nodes_behind(const SkinChunk<double>&, int, const ContactSurface&);
+template int nodes_behind(const SkinChunk<float>&, int, const ContactSurface&);
+
+}  // namespace palpate

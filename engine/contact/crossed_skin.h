@@ -1,0 +1,17 @@
+#pragma once
+// What has come through the skin between its samples. Contact is decided at samples: a rod, a corner, or an edge may
+// pass between them in a fast step, and no force says so.
+
+#include "engine/skin/chunks/chunk.h"
+#include "engine/world.h"
+
+namespace palpate {
+
+/// Nodes of the pad behind which, inside the tissue, an object's surface lies deeper than a quarter of the pad's
+/// longest edge: so much is what flat faces between nodes leave out. Looks at nothing where what is near is far larger
+/// than the faces, or touches the pad away from its edges, and moves by little. `surface` holds this step's positions,
+/// outward normals and bone.
+template <class T>
+int nodes_behind(const SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
+
+}  // namespace palpate
