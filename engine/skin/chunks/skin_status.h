@@ -9,7 +9,7 @@ struct SkinStatus {
     int backtracks = 0;
     int uphill_steps = 0;      ///< Newton steps that no halving brought to lower energy, and that were taken back
     int extra_iterations = 0;  ///< granted beyond the budget, because forces were far from balanced
-    int wrong_sides = 0;       ///< nodes that an object presses on, or lies behind, inside the skin: it has passed through
+    int wrong_sides = 0;       ///< nodes that an object presses on, or lies behind, inside the skin
     bool converged = false;
     bool reset = false;          ///< diverged, and was put back to rest on its target
     double residual_N = 0;       ///< norm of the force residual
