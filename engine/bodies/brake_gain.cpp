@@ -46,6 +46,7 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
     };
     for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
         if (const int body = c.contacts.at(slot, lane).body; is_plane(w, body) || !gains(w, b, body)) return;
+        if (c.contacts.slot[std::size_t(slot)].recovers) b.gain = 0;
         for (std::size_t s = 0; s < samples_in_use<T>(c); ++s) {
             const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * 3 * W + L;
             const Vec3<double> force{double(c.exchange.slot_gradient[i]), double(c.exchange.slot_gradient[i + W]),
@@ -68,7 +69,10 @@ void add_support_of_objects(BodyWork& w) {
     for (const BodyPair& p : w.s.pairs) {
         if (p.a < 0) continue;
         const ContactBody &a = w.s.objects[std::size_t(p.a)], &b = w.s.objects[std::size_t(p.b)];
-        for (const FeatureContact& contact : p.contacts)
+        for (const FeatureContact& contact : p.contacts) {
+            if (contact.undone > 0)  // coming out of an overlap lifts bodies, at a speed of its own
+                for (const ContactBody* o : {&a, &b})
+                    if (o->body >= 0) w.s.bodies[std::size_t(o->body)].gain = 0;
             for (const PairTerm& term : contact.terms) {
                 if (dot(term.gradient, term.gradient) <= 0) continue;
                 const Vec3<double> of_a = way_of(a, a.centre + term.arm_of_a),
@@ -77,6 +81,7 @@ void add_support_of_objects(BodyWork& w) {
                 if (a.body >= 0) support(w.s.bodies[std::size_t(a.body)], -term.gradient, b.body < 0 ? of_b : both);
                 if (b.body >= 0) support(w.s.bodies[std::size_t(b.body)], term.gradient, a.body < 0 ? of_a : both);
             }
+        }
     }
 }
 

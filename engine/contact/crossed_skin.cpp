@@ -116,6 +116,25 @@ bool is_behind(const SkinChunk<T>& c, int lane, const LaneContact& o, const Cont
            distance_to_pad(surface, inverse_transform(surface.bone, there)) > deep * surface.longest_edge;
 }
 
+/// Whether the middle of something round and narrow is inside the tissue, where it is nearest to the nodes around it:
+/// those beside it are pressed aside then, and none straight outward.
+template <class T>
+bool has_middle_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, const ContactSurface& surface) {
+    if (o.shape.kind == ShapeKind::box || o.shape.kind == ShapeKind::mesh) return false;
+    if (o.shape.size.x >= narrow * surface.longest_edge) return false;
+    Vec3<double> middle{0, 0, 0};
+    int near = 0;
+    for (const Vec3<double>& position : surface.position) {
+        const Vec3<double> x = inverse_transform(o.pose, transform(surface.bone, position));
+        if (local_surface_point(o.shape, x).distance > within) continue;
+        middle += x;
+        ++near;
+    }
+    if (near == 0) return false;
+    const double half = o.shape.kind == ShapeKind::sphere ? 0 : o.shape.size.y;
+    return in_tissue(c, lane, transform(o.pose, {0, 0, std::clamp(middle.z / near, -half, half)}));
+}
+
 }  // namespace
 
 template <class T>
@@ -124,7 +143,9 @@ int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface)
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
         if (!may_be_behind(c, lane, slot, surface)) continue;
         const LaneContact& o = c.contacts.at(slot, lane);
-        for (std::size_t s = 0; s < c.topology->samples.size(); ++s) count += is_behind(c, lane, o, surface, s);
+        int behind = has_middle_inside(c, lane, o, surface);
+        for (std::size_t s = 0; s < c.topology->samples.size(); ++s) behind += is_behind(c, lane, o, surface, s);
+        count += behind;
     }
     return count;
 }
