@@ -368,7 +368,7 @@ void draw_things(Random& r, RandomScene& s, int fingers, double dt) {
 
 }  // namespace
 
-RandomScene random_scene_fingers() {
+RandomScene random_scene_fingers(bool other) {
     RandomScene s;
     s.blocks.push_back({"duration_s = 0.01"});
     int i = 0;
@@ -380,6 +380,7 @@ RandomScene random_scene_fingers() {
     for (const char* name : {"thumb", "index", "middle", "ring", "little"})
         for (int elements : random_scene_elements)
             add({line("shape = { finger = \"%s\" }", name), line("elements = %d", elements)});
+    if (!other) return s;
     for (const char* preset : {"index-median", "little-small"}) add({line("finger = \"%s\"", preset)});
     add({"shape = { finger = \"index\" }", "elements = 350", "mesh = { kind = \"conforming\", patch = 5 }"});
     return s;
@@ -407,7 +408,7 @@ RandomScene random_scene(unsigned seed) {
     // Every tenth is of fingers alone, every tenth of other fingers and things.
     if (seed % 10 == 9)
         draw_pinch(r, s, fingers, size, dt);
-    else if (seed % 10 == 4)
+    else if (has_other_fingers(seed))
         draw_things(r, s, std::min(fingers, 3), dt);
     else if (kind < 0.4)
         draw_press(r, s, fingers, size, dt);

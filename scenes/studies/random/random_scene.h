@@ -20,8 +20,10 @@ inline constexpr int random_scene_elements[] = {120, 180, 250};
 /// The same scene for the same seed, on every machine.
 RandomScene random_scene(unsigned seed);
 
-/// A scene with one of each finger that random scenes are made of.
-RandomScene random_scene_fingers();
+/// A scene with one of each finger that random scenes are made of; `other`: presets and conforming ones, too, which the
+/// seeds need that has_other_fingers says.
+RandomScene random_scene_fingers(bool other);
+inline bool has_other_fingers(unsigned seed) { return seed % 10 == 4; }
 
 /// Text of a scene file.
 std::string to_text(const RandomScene& scene);
