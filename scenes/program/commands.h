@@ -17,6 +17,7 @@ Action add_list_command(const Command& program);
 Action add_completion_command(const Command& program);
 Action add_man_command(const Command& program);
 Action add_run_command(const Command& program, const std::atomic<bool>& stop);
+Action add_gallery_command(const Command& program, const std::atomic<bool>& stop);
 Action add_mesh_command(const Command& program);
 Action add_device_command(const Command& program);
 Action add_compare_command(const Command& program, const std::atomic<bool>& stop);

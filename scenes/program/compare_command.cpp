@@ -1,12 +1,11 @@
 // `palpate compare`: what methods and kinds of device render of a scene, in forces.
 
-#include <unistd.h>
-
 #include <cmath>
 #include <cstdio>
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/recording/svg.h"
 #include "scenes/studies/compare.h"
 
@@ -183,10 +182,9 @@ Comparison compare_kind(const CompareArguments& a, const std::string& kind, cons
     for (const ThimbleSpec& t : scene.spec.thimbles)
         c.fingers.push_back(scene.spec.fingers[std::size_t(t.finger)].name);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
-    std::function<void(double)> progress;
-    if (!a.quiet && isatty(STDERR_FILENO))
-        progress = [](double share) { std::fprintf(stderr, "\r%3d %%%s", int(100 * share), share >= 1 ? "\n" : ""); };
-    c.steps = compare(simulation, options, stop, progress);
+    Progress progress("compare", a.quiet);
+    c.steps = compare(simulation, options, stop, [&](double share) { progress.show(share); });
+    progress.clear();
     return c;
 }
 

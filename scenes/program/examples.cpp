@@ -22,7 +22,11 @@ constexpr std::array examples{
     Examples{"run",
              "palpate run scenes/hand.toml --report hand.html\n"
              "palpate run scenes/press.toml --set finger.index.material.young_kPa=40 --duration 0.3\n"
+             "palpate run scenes/pinch.toml --video pinch.webm\n"
              "palpate run scenes/press.toml --stream udp:127.0.0.1:5006"},
+    Examples{"gallery",
+             "palpate gallery pinch mine.toml\n"
+             "palpate gallery --out scenes/pictures/gallery"},
     Examples{"view",
              "palpate view scenes/hand.toml\n"
              "palpate view scenes/recorded_hand.toml --tracker ultraleap"},

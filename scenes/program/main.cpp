@@ -67,6 +67,7 @@ int main(int argc, char** argv) {
     actions["list"] = palpate::add_list_command(commands);
     actions["run"] = palpate::add_run_command(commands, stop_requested);
     actions["view"] = palpate::add_view_command(commands, stop_requested);
+    actions["gallery"] = palpate::add_gallery_command(commands, stop_requested);
     actions["explain"] = palpate::add_explain_command(commands, stop_requested);
     actions["replay"] = palpate::add_replay_command(commands, stop_requested);
     actions["convert"] = palpate::add_convert_command(commands, stop_requested);

@@ -7,11 +7,13 @@
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/program/stream_options.h"
 #include "scenes/recording/live_tables.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
 #include "scenes/recording/run_file.h"
+#include "scenes/recording/video.h"
 #include "scenes/run/budget.h"
 #include "scenes/run/dead_man.h"
 #include "scenes/run/hardware.h"
@@ -22,26 +24,13 @@ namespace palpate {
 namespace {
 
 struct RunArguments {
-    std::string scene, out, report, record, tracker, hold;
+    std::string scene, out, report, record, tracker, hold, video;
     StreamSettings stream;
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0, pads_per_second = 0, budget_ms = 0;
-    bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false;
+    bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false, no_hand = false;
 };
-
-/// A bar on a terminal, nothing elsewhere.
-std::function<void(double)> progress_bar(bool quiet) {
-    if (quiet || !isatty(STDERR_FILENO)) return {};
-    return [last = -1](double share) mutable {
-        const int percent = int(100 * share);
-        if (percent == last) return;
-        last = percent;
-        std::string bar(std::size_t(percent / 2), '#');
-        bar.resize(50, '.');
-        std::fprintf(stderr, "\r[%s] %3d %%%s", bar.c_str(), percent, percent == 100 ? "\n" : "");
-    };
-}
 
 /// Enter on a terminal clears the faults of thimbles whose cause is gone.
 struct RearmKey {
@@ -114,7 +103,11 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (simulation.live && !a.quiet && !a.json)
         std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
     ReportRecorder report;
-    const auto show = progress_bar(a.quiet);
+    PictureSettings picture;
+    picture.hand = !a.no_hand;
+    std::optional<Video> video;
+    if (!a.video.empty()) video.emplace(a.video, picture);
+    Progress progress("run", a.quiet);
     ResultsFolder results(folder);
     std::unique_ptr<DeadMan> dead_man;  // what is wrong with it is said before anything moves
     if (a.arm && !a.hold.empty()) dead_man = make_dead_man(a.hold);
@@ -140,16 +133,18 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
             if (dead_man) obey_dead_man(*dead_man, simulation);
             if (!a.report.empty()) report.record(simulation);
             if (record) record->record(inputs, simulation);
+            if (video) video->record(simulation);
             if (stream) stream->tell(simulation);
             tables.record(simulation);
             try {
                 if (pads && !pads_failure) pads->record(simulation);
             } catch (const std::exception&) { pads_failure = std::current_exception(); }
-            if (show) show(share);
+            progress.show(share, simulation.world.step, simulation.world.time);
         },
         [&](StepInputs& inputs) {
             if (stream) obey(*stream, simulation, inputs, stop);
         });
+    progress.clear();
     if (stream && !a.quiet && !a.json) std::printf("%s\n", to_text(stream->counts()).c_str());
     stream.reset();
     tell_of_thimbles(a, simulation, stop);
@@ -157,16 +152,20 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
     tables.finish(simulation);
-    write_results(results.part(), simulation, summary, true);
+    write_results(results.part(), simulation, summary, picture, true);
     if (pads) pads->finish(simulation);
     const std::vector<std::string> replaced = results.finish();
     if (!a.report.empty()) report.write(a.report, simulation, summary);
+    if (video) {
+        const std::string said = video->finish();
+        if (!a.quiet && !a.json) std::printf("%s\n", said.c_str());
+    }
     if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
     if (a.json)
         std::printf("%s\n", to_json(summary).dump(2).c_str());
     else if (!a.quiet)
         std::printf(
-            "\n%s\n%zu files in %s (picture.svg, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
+            "\n%s\n%zu files in %s (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
             to_text(summary).c_str(), results.files(), folder.string().c_str());
     if (!a.json && !a.quiet)
         for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
@@ -189,6 +188,9 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
              "ultraleap[:HOST:PORT]");
     add_stream_options(c, a->stream);
     c.option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
+    c.option("--video", a->video,
+             "film of the run: .webm, .gif or .mp4 by ffmpeg; where that is not, pictures in a folder");
+    c.flag("--no-hand", a->no_hand, "pictures and films without the hand around the fingertips");
     c.option("--set", a->overrides, "override a value of the scene, for example finger.index.material.young_kPa=40")
         .repeatable();
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);

@@ -158,7 +158,8 @@ std::vector<Plot> plots_of(const Simulation& s) {
 
 }  // namespace
 
-void write_results(const fs::path& folder, const Simulation& s, const Summary& summary, bool live) {
+void write_results(const fs::path& folder, const Simulation& s, const Summary& summary, const PictureSettings& picture,
+                   bool live) {
     auto add = [&](const std::string& name) { return folder / name; };
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const std::string& name = s.scene.spec.fingers[i].name;
@@ -168,7 +169,7 @@ void write_results(const fs::path& folder, const Simulation& s, const Summary& s
     if (!live)
         for (const NamedSeries& table : tables_of(s)) write_csv(add(table.file), *table.series);
     write_svg(add("plots.svg"), plots_of(s));
-    write_picture(add("picture.svg"), s);
+    write_png(add("picture.png"), Painter(s, picture).paint(s));
     write_file(add("summary.txt"), to_text(summary));
     write_file(add("summary.json"), to_json(summary).dump(2) + "\n");
 }

@@ -4,15 +4,16 @@
 #include <filesystem>
 #include <vector>
 
+#include "scenes/picture/still.h"
 #include "scenes/run/summary.h"
 
 namespace palpate {
 
-/// Writes series (CSV), plots and a picture (SVG), final pads (VTU) and the summary (JSON, text) into `folder`, which
-/// exists: a ResultsFolder's part. `live`: the series are there (live_tables.h). Throws as throw_unwritable
+/// Writes series (CSV), plots (SVG), a picture (PNG), final pads (VTU) and the summary (JSON, text) into `folder`,
+/// which exists: a ResultsFolder's part. `live`: the series are there (live_tables.h). Throws as throw_unwritable
 /// (mesh_files.h).
 void write_results(const std::filesystem::path& folder, const Simulation& simulation, const Summary& summary,
-                   bool live = false);
+                   const PictureSettings& picture = {}, bool live = false);
 
 /// A finger's mesh where it is now, with displacement, contact force, bone reaction and pressure per node and
 /// principal stretches per element.
@@ -37,8 +38,5 @@ class PadSeries {
     double rate_, next_ = 0;
     std::vector<double> times_;
 };
-
-/// Fingers, objects and platforms in an orthographic view, skin coloured by contact pressure.
-void write_picture(const std::filesystem::path& path, const Simulation& simulation);
 
 }  // namespace palpate

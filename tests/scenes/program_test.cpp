@@ -28,7 +28,7 @@ TEST(Program, RunWritesEverythingItPromises) {
     EXPECT_EQ(j["fingers"][0]["converged_share"].get<double>(), 1);
     EXPECT_LE(j["fingers"][0]["worst_penetration_um"].get<double>(), 2);
     for (const char* file :
-         {"index.csv", "index.vtu", "steps.csv", "plots.svg", "picture.svg", "summary.json", "summary.txt"})
+         {"index.csv", "index.vtu", "steps.csv", "plots.svg", "picture.png", "summary.json", "summary.txt"})
         EXPECT_GT(std::filesystem::file_size(out / file), 100u) << file;
     EXPECT_GT(read_tet_mesh(out / "index.vtu", "mm").tets.size(), 300u);
     std::ifstream pvd(out / "index.pvd");

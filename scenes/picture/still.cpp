@@ -1,0 +1,279 @@
+#include "scenes/picture/still.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+namespace palpate {
+
+namespace {
+
+using Eigen::Vector3d;
+
+Vector3d as_eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
+
+struct Look {
+    Colour air, ink, soft, floor, grid, panel, line;
+};
+const Look& look_of(bool dark) {
+    static const Look light{{0.945f, 0.955f, 0.97f}, {0.11f, 0.14f, 0.19f}, {0.36f, 0.40f, 0.46f},
+                            {0.90f, 0.915f, 0.935f}, {0.74f, 0.78f, 0.83f}, {1, 1, 1},
+                            {0.82f, 0.85f, 0.89f}};
+    static const Look night{{0.105f, 0.125f, 0.155f}, {0.90f, 0.91f, 0.93f}, {0.62f, 0.66f, 0.72f},
+                            {0.17f, 0.195f, 0.235f},  {0.29f, 0.33f, 0.39f}, {0.13f, 0.15f, 0.185f},
+                            {0.25f, 0.28f, 0.33f}};
+    return dark ? night : light;
+}
+constexpr Colour object_colours[] = {{0.36f, 0.58f, 0.77f}, {0.37f, 0.64f, 0.47f}, {0.56f, 0.55f, 0.78f},
+                                     {0.31f, 0.60f, 0.64f}, {0.55f, 0.59f, 0.65f}, {0.64f, 0.61f, 0.31f}};
+constexpr Colour arrow_colour{0.10f, 0.12f, 0.16f};
+constexpr Colour hand_colour{0.90f, 0.76f, 0.67f};
+
+std::string formatted(const char* format, double value) {
+    char text[64];
+    std::snprintf(text, sizeof text, format, value);
+    return text;
+}
+
+void write_scale(Image& image, int x, int y, int width, double most_kPa, const std::string& title, const Look& look) {
+    image.write(x, y, title, look.ink);
+    for (int i = 0; i < width; ++i) image.fill(x + i, y + 17, 1, 10, skin_colour(double(i) / (width - 1)));
+    image.write(x, y + 30, "0", look.soft);
+    const std::string end = formatted("%.3g kPa", most_kPa);
+    image.write(x + width - text_width(end), y + 30, end, look.soft);
+}
+
+double peak_of(const World& world, EntityId finger) {
+    const std::vector<double> p = node_pressures(world, finger);
+    return p.empty() ? 0 : *std::max_element(p.begin(), p.end());
+}
+
+/// Whether a plane is a floor.
+bool is_floor(const RigidShape& o) {
+    return o.shape.kind == ShapeKind::plane && transform(o.pose, Vec3<double>{0, 0, 1}).z - o.pose.position.z > 0.999;
+}
+
+Triangles tilted_plane(const RigidShape& o, Colour colour, const Vector3d& near) {
+    Triangles t;
+    const Vec3<double> middle = inverse_transform(o.pose, Vec3<double>{near.x(), near.y(), near.z()});
+    const Vector3d normal = as_eigen(transform(o.pose, Vec3<double>{0, 0, 1})) - as_eigen(o.pose.position);
+    for (const auto& [u, v] : {std::pair{-1, -1}, {1, -1}, {1, 1}, {-1, 1}})
+        t.vertices.push_back(
+            {as_eigen(transform(o.pose, Vec3<double>{middle.x + 0.03 * u, middle.y + 0.03 * v, 0})), normal, colour});
+    t.faces = {{0, 1, 2}, {0, 2, 3}};
+    return t;
+}
+
+}  // namespace
+
+double round_up(double x) {
+    if (!(x > 0)) return 1;
+    const double power = std::pow(10, std::floor(std::log10(x))), m = x / power;
+    return power * (m <= 1 ? 1 : m <= 2 ? 2 : m <= 5 ? 5 : 10);
+}
+
+Painter::Painter(const Simulation& s, PictureSettings settings) : settings_(settings) {
+    for (const HandParts& parts : hands_of(s.scene)) hands_.emplace_back(s, parts);
+}
+
+void Painter::choose_camera(const Simulation& s) {
+    Vector3d middle = Vector3d::Zero();
+    std::vector<Vector3d> seen;
+    for (const EntityId finger : s.fingers) {
+        const Vector3d at = as_eigen(bone_pose(s.world, finger).position);
+        middle += at / double(s.fingers.size());
+        seen.push_back(at);
+    }
+    double reach = 0.030;
+    for (const Vector3d& x : seen) reach = std::max(reach, (x - middle).norm() + 0.030);
+    // Objects that are held are seen whole; what is large, only in part.
+    for (const RigidShape& o : s.world.shapes)
+        if (o.body >= 0 && (as_eigen(o.pose.position) - middle).norm() < 2 * reach)
+            reach = std::max(reach, (as_eigen(o.pose.position) - middle).norm() + 0.028);
+    reach_ = std::max(reach, reach_);
+    camera_.target = middle + Vector3d(-0.10 * reach_, 0, 0.16 * reach_);
+    camera_.eye = camera_.target + 4.4 * reach_ * Vector3d(0.70, -0.62, 0.30).normalized();
+}
+
+void Painter::paint_scene(const Simulation& s, Image& image, int top, int height) {
+    const Look& look = look_of(settings_.dark);
+    const int factor = settings_.samples;
+    raster_ = std::make_unique<Raster>(camera_, factor * image.width, factor * height, look.air);
+    Raster& r = *raster_;
+    std::vector<Triangles> kept;
+    kept.reserve(64 + 3 * s.world.shapes.size());
+    std::vector<const Triangles*> shadows;
+    auto keep = [&](Triangles t) -> const Triangles& {
+        kept.push_back(std::move(t));
+        shadows.push_back(&kept.back());
+        return kept.back();
+    };
+    kept.reserve(kept.capacity() + 4 * s.fingers.size());
+    Contacts contacts;
+    for (std::size_t f = 0; f < s.fingers.size(); ++f) {
+        r.opaque(keep(finger_triangles(s.world, s.fingers[f], most_)));
+        Vector3d place, force;
+        if (!centre_of_pressure(s.world, s.fingers[f], place, force)) continue;
+        contacts.place.push_back(place);
+        const Vector3d from = place - 0.022 * std::min(1.0, force.norm() / most_force_) * force.normalized();
+        r.opaque(arrow_triangles(from, place, 0.0009, arrow_colour));
+    }
+    if (settings_.thimbles)
+        for (const Matching& m : s.world.matchings) r.opaque(keep(thimble_triangles(s.world, m)));
+    std::vector<const Triangles*> hands, objects;
+    for (HandPoser& hand : hands_) {
+        const HandBones& bones = hand.pose(s);
+        if (settings_.hand) hands.push_back(&keep(hand_triangles(hand.parts(), bones, hand_colour)));
+    }
+    double floor = 1e9, lowest = 1e9;
+    for (const RigidShape& o : s.world.shapes) {
+        const auto row = std::size_t(&o - &s.world.shapes[0]);
+        const Colour colour = object_colours[row % std::size(object_colours)];
+        if (is_floor(o))
+            floor = std::min(floor, o.pose.position.z);
+        else if (o.shape.kind == ShapeKind::plane)
+            objects.push_back(&keep(tilted_plane(o, colour, camera_.target)));
+        else
+            objects.push_back(&keep(object_triangles(s.world, o, colour)));
+        if (!is_floor(o))
+            for (const Vertex& v : objects.back()->vertices) lowest = std::min(lowest, v.position.z());
+    }
+    if (floor > 1e8) {  // where the scene has none: below its objects as they were first
+        if (floors_.empty()) floors_.push_back(lowest < 1e8 ? lowest : camera_.target.z() - 0.05);
+        floor = floors_[0];
+    }
+    // The hand first: where it hides a contact, it is as clear as an object.
+    r.floor(floor, shadows, look.floor, look.grid);
+    int id = 0;
+    for (const Triangles* t : objects) r.layer(*t, id++, 0.93, contacts);
+    for (const Triangles* t : hands) r.layer(*t, 1000, 1.0, contacts);
+    for (const Triangles* t : objects) {
+        const std::vector<Vector3d> edges = sharp_edges(*t, t->vertices.size() > 20000 ? 75 : 50);
+        for (std::size_t k = 0; k + 1 < edges.size(); k += 2)
+            r.line(edges[k], edges[k + 1], {0.20f, 0.30f, 0.40f}, 0.7 * factor);
+    }
+    image.paste(r.image(factor), 0, top);
+    write_names(s, image, top);
+}
+
+/// Names and forces over all, moved apart where they would cover each other, with a line to their finger.
+void Painter::write_names(const Simulation& s, Image& image, int top) {
+    const Look& look = look_of(settings_.dark);
+    const View& view = raster_->view();
+    struct Tag {
+        std::string text;
+        int x, y, to_x, to_y;
+    };
+    std::vector<Tag> tags;
+    for (std::size_t f = 0; f < s.fingers.size(); ++f) {
+        const Pose<double> bone = bone_pose(s.world, s.fingers[f]);
+        const Vector3d at = view.pixel(view.in_view(as_eigen(transform(bone, Vec3<double>{-0.004, 0, 0.008}))));
+        const double force = s.world.contact_surfaces.find(s.fingers[f])->normal_force;
+        Tag tag{s.scene.spec.fingers[f].name, 0, 0, int(at.x()) / settings_.samples,
+                top + int(at.y()) / settings_.samples};
+        if (force > 0.0005) tag.text += formatted(" %.2f N", force);
+        // Beside the middle of the picture, on the finger's side.
+        const bool right = tag.to_x > image.width / 2;
+        tag.x = right ? std::min(tag.to_x + 70, image.width - text_width(tag.text) - 10)
+                      : std::max(8, tag.to_x - 70 - text_width(tag.text));
+        tag.y = tag.to_y - 26;
+        tags.push_back(tag);
+    }
+    std::sort(tags.begin(), tags.end(), [](const Tag& a, const Tag& b) { return a.to_y < b.to_y; });
+    for (std::size_t k = 0; k < tags.size(); ++k)
+        for (std::size_t j = 0; j < k; ++j) {
+            const bool beside = tags[k].x > tags[j].x + text_width(tags[j].text) + 6 ||
+                                tags[j].x > tags[k].x + text_width(tags[k].text) + 6;
+            if (!beside && tags[k].y < tags[j].y + 19 && tags[k].y > tags[j].y - 19) tags[k].y = tags[j].y + 19;
+        }
+    for (const Tag& tag : tags) {
+        const int from_x = tag.x > tag.to_x ? tag.x : tag.x + text_width(tag.text), steps = 200;
+        for (int k = 0; k <= steps; ++k)
+            image.set(from_x + (tag.to_x - from_x) * k / steps, tag.y + 6 + (tag.to_y - tag.y - 6) * k / steps,
+                      look.ink, 0.8);
+        image.fill(tag.to_x - 1, tag.to_y - 1, 3, 3, look.ink);
+    }
+    for (const Tag& tag : tags) {
+        image.fill(tag.x - 4, tag.y - 2, text_width(tag.text) + 8, 17, look.panel, 0.88);
+        image.write(tag.x, tag.y, tag.text, look.ink);
+    }
+}
+
+void Painter::paint_pads(const Simulation& s, Image& image, int top, int height) {
+    const Look& look = look_of(settings_.dark);
+    image.fill(0, top, image.width, height, look.panel);
+    image.fill(0, top, image.width, 1, look.line);
+    const int count = int(s.fingers.size()), cell = std::min(180, image.width / std::max(1, count));
+    const int left = (image.width - cell * count) / 2, factor = settings_.samples;
+    const int side = height - 52;
+    for (int f = 0; f < count; ++f) {
+        const EntityId finger = s.fingers[std::size_t(f)];
+        const ContactSurface& contact = *s.world.contact_surfaces.find(finger);
+        const double peak = peak_of(s.world, finger), most = peak > 0 ? round_up(peak) : most_;
+        Camera below;
+        below.field = 0;
+        below.eye = {0, 0, -0.2}, below.target = {0, 0, 0}, below.up = {1, 0, 0};  // the tip points up
+        const int wide = std::min(cell - 8, side);
+        below.half_height = std::max(0.0148, 0.0112 * side / wide);
+        Raster r(below, factor * wide, factor * side, look.panel);
+        r.opaque(finger_triangles(s.world, finger, most, true));
+        const std::vector<Vector3d> edge = area_outline(s.world, finger, std::max(300.0, 0.04 * peak));
+        const Vector3d lift(0, 0, -0.002);
+        for (std::size_t k = 0; k + 1 < edge.size(); k += 2)
+            r.line(edge[k] + lift, edge[k + 1] + lift, {0.05f, 0.05f, 0.10f}, 1.3 * factor, false);
+        Vector3d place, force;
+        if (centre_of_pressure(s.world, finger, place, force)) {
+            const Vec3<double> c =
+                inverse_transform(bone_pose(s.world, finger), Vec3<double>{place.x(), place.y(), place.z()});
+            const Vector3d x = as_eigen(c) + lift;
+            for (const Vector3d& arm : {Vector3d(0.0016, 0, 0), Vector3d(0, 0.0016, 0)}) {
+                r.line(x - arm, x + arm, {1, 1, 1}, 2.6 * factor, false);
+                r.line(x - arm, x + arm, {0, 0, 0}, 1.1 * factor, false);
+            }
+        }
+        const int x0 = left + f * cell, middle = x0 + cell / 2;
+        image.paste(r.image(factor), middle - wide / 2, top + 18);
+        auto centred = [&](int y, std::string text, Colour colour) {
+            for (const auto& [whole, part] : {std::pair{"right ", "R "}, {"left ", "L "}})
+                if (text_width(text) > cell - 4 && text.starts_with(whole))
+                    text = part + text.substr(std::strlen(whole));
+            if (text_width(text) > cell - 4) text.resize(std::size_t((cell - 4) / 8));
+            image.write(middle - text_width(text) / 2, y, text, colour);
+        };
+        centred(top + 4, s.scene.spec.fingers[std::size_t(f)].name, look.ink);
+        if (contact.normal_force > 0.0005) {
+            centred(top + side + 20,
+                    formatted("%.2f N", contact.normal_force) +
+                        formatted(cell > 130 ? "  %.0f mm2" : " %.0f", 1e6 * contact.touching_area),
+                    look.ink);
+            const int bar = std::min(cell - 60, 90), bx = middle - bar / 2 - 20;
+            for (int i = 0; i < bar; ++i) image.fill(bx + i, top + side + 37, 1, 8, skin_colour(double(i) / (bar - 1)));
+            image.write(bx + bar + 4, top + side + 35, formatted(cell > 130 ? "%.3g kPa" : "%.3g", 1e-3 * most),
+                        look.soft);
+        } else {
+            centred(top + side + 20, cell > 130 ? "does not touch" : "free", look.soft);
+        }
+    }
+}
+
+Image Painter::paint(const Simulation& s) {
+    const Look& look = look_of(settings_.dark);
+    // Scales grow, and never shrink, so that pictures of one run compare.
+    for (const EntityId finger : s.fingers) {
+        most_ = std::max(most_, round_up(std::max(1000.0, peak_of(s.world, finger))));
+        most_force_ = std::max(most_force_, s.world.contact_surfaces.find(finger)->normal_force);
+    }
+    choose_camera(s);
+    Image image(settings_.width, settings_.height, look.air);
+    const int pads = settings_.pads ? std::min(200, settings_.height / 3) : 0;
+    paint_scene(s, image, 0, settings_.height - pads);
+    if (pads > 0) paint_pads(s, image, settings_.height - pads, pads);
+    image.write(12, 10, s.scene.title, look.ink);
+    image.write(12, 26, formatted("%.2f s", s.world.time) + ", step " + formatted("%.3g ms", 1e3 * s.world.solver.dt),
+                look.soft);
+    write_scale(image, 12, 48, 150, 1e-3 * most_, "contact pressure", look);
+    return image;
+}
+
+}  // namespace palpate

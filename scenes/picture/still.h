@@ -1,0 +1,39 @@
+#pragma once
+// A moment of a run as a picture: the scene with its hand, objects, floor and forces, and below it each finger's pad
+// seen from its contact side.
+
+#include "scenes/picture/scene_triangles.h"
+
+namespace palpate {
+
+struct PictureSettings {
+    int width = 900, height = 620;
+    bool hand = true, thimbles = true, pads = true, dark = false;
+    int samples = 2;  ///< per pixel and direction
+};
+
+/// Draws moments of one run, one after the other: the camera follows, the hand goes on from where it was.
+class Painter {
+  public:
+    Painter(const Simulation& simulation, PictureSettings settings);
+    Image paint(const Simulation& simulation);
+    /// What the last picture's camera saw of objects: for tests.
+    const Raster& raster() const { return *raster_; }
+
+  private:
+    void choose_camera(const Simulation& simulation);
+    void paint_scene(const Simulation& simulation, Image& image, int top, int height);
+    void write_names(const Simulation& simulation, Image& image, int top);
+    void paint_pads(const Simulation& simulation, Image& image, int top, int height);
+    PictureSettings settings_;
+    std::vector<HandPoser> hands_;
+    std::unique_ptr<Raster> raster_;
+    Camera camera_;
+    double reach_ = 0, most_ = 0, most_force_ = 0.5;
+    std::vector<double> floors_;
+};
+
+/// A number that reads well, not below x: 1, 2 or 5 times a power of ten.
+double round_up(double x);
+
+}  // namespace palpate

@@ -1,0 +1,96 @@
+// A still of every scene, as scenes/README.md shows them.
+
+#include <algorithm>
+#include <cstdio>
+
+#include "meshes/input_error.h"
+#include "scenes/load/find_scene.h"
+#include "scenes/picture/still.h"
+#include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
+#include "scenes/run/simulation.h"
+
+namespace palpate {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct GalleryArguments {
+    std::vector<std::string> scenes;
+    std::string out = "results/gallery";
+    int threads = 0, width = 460, height = 380;
+    bool no_hand = false, dark = false;
+};
+
+std::vector<std::string> shipped_scenes() {
+    std::vector<std::string> out;
+    std::error_code ignored;
+    for (const fs::path& folder : scene_folders()) {
+        if (folder.empty() || !fs::is_regular_file(folder / "hand.toml", ignored)) continue;
+        for (const auto& entry : fs::directory_iterator(folder))
+            if (entry.path().extension() == ".toml") out.push_back(entry.path().string());
+        break;
+    }
+    std::sort(out.begin(), out.end());
+    if (out.empty()) throw InputError("no scenes beside this program; expected names: palpate gallery mine.toml");
+    return out;
+}
+
+/// The last of twelve moments in which the most fingers touch.
+bool paint_best(Simulation& s, const PictureSettings& settings, const fs::path& file, const std::atomic<bool>& stop,
+                const std::function<void(double)>& show) {
+    Painter painter(s, settings);
+    int most = -1, moment = 1;
+    constexpr int moments = 12;
+    run(s, stop, [&](const StepInputs&, double share) {
+        show(share);
+        if (share * moments + 1e-9 < moment) return;
+        ++moment;
+        int touching = 0;
+        for (const ContactSurface& c : s.world.contact_surfaces) touching += c.normal_force > 0.01;
+        if (touching < most) return;
+        most = touching;
+        Image image = painter.paint(s);
+        for (std::uint8_t& v : image.rgb) v = std::uint8_t((v & 0xf8) | v >> 5);  // 5 bits a colour: small files
+        write_png(file, image);
+    });
+    return !stop;
+}
+
+int make_gallery(const GalleryArguments& a, const std::atomic<bool>& stop) {
+    const std::vector<std::string> scenes = a.scenes.empty() ? shipped_scenes() : a.scenes;
+    fs::create_directories(a.out);
+    PictureSettings settings;
+    settings.width = a.width, settings.height = a.height, settings.hand = !a.no_hand, settings.dark = a.dark;
+    Progress progress("gallery");
+    for (std::size_t k = 0; k < scenes.size() && !stop; ++k) {
+        const fs::path scene = find_scene(scenes[k]), file = fs::path(a.out) / (scene.stem().string() + ".png");
+        Simulation s = make_simulation(load_scene(scene), a.threads, false);
+        if (!paint_best(s, settings, file, stop, [&](double share) {
+                progress.show((double(k) + share) / double(scenes.size()), s.world.step, s.world.time);
+            }))
+            return 130;
+        progress.clear();
+        std::printf("%s: %s\n", file.c_str(), s.scene.title.c_str());
+        std::fflush(stdout);
+    }
+    return stop ? 130 : 0;
+}
+
+}  // namespace
+
+Action add_gallery_command(const Command& program, const std::atomic<bool>& stop) {
+    const Command c = program.subcommand("gallery", "a picture of every scene that comes with it, or of these");
+    auto a = std::make_shared<GalleryArguments>();
+    c.option("scenes", a->scenes, "scene files or names (default: all that come with it)");
+    c.option("--out", a->out, "folder for pictures (default: results/gallery)");
+    c.option("--width", a->width, "of a picture, pixels (default: 460)").range(200, 4000);
+    c.option("--height", a->height, "of a picture, pixels (default: 380)").range(200, 4000);
+    c.flag("--no-hand", a->no_hand, "without the hand around the fingertips");
+    c.flag("--dark", a->dark, "on a dark ground");
+    c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
+    return [a, &stop] { return make_gallery(*a, stop); };
+}
+
+}  // namespace palpate

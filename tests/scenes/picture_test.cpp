@@ -1,0 +1,124 @@
+// Pictures: no torn faces, a hand that ends where its fingertips begin, progress lines.
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "meshes/input_error.h"
+#include "scenes/picture/rest_hand.h"
+#include "scenes/picture/still.h"
+#include "scenes/recording/video.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using Eigen::Vector3d;
+
+const std::string scenes = testing::source_dir() + "/scenes/";
+
+/// Whether a ray meets a triangle, and how far away.
+bool meets(const Vector3d& from, const Vector3d& along, const Vector3d& a, const Vector3d& b, const Vector3d& c,
+           double& t) {
+    const Vector3d u = b - a, v = c - a, p = along.cross(v);
+    const double det = u.dot(p);
+    if (std::abs(det) < 1e-18) return false;
+    const Vector3d s = from - a, q = s.cross(u);
+    const double wu = s.dot(p) / det, wv = along.dot(q) / det;
+    t = v.dot(q) / det;
+    return wu >= 0 && wv >= 0 && wu + wv <= 1 && t > 0;
+}
+
+/// The mug is seen where a ray meets it before anything opaque, and nowhere else: no face is torn, none is missing.
+TEST(Picture, TheMugIsSeenWhereRaysMeetIt) {
+    Simulation s = make_simulation(load_scene(scenes + "hold_mug.toml"), 2);
+    const RigidShape* mug = nullptr;
+    for (const RigidShape& o : s.world.shapes)
+        if (o.mesh) mug = &o;
+    ASSERT_TRUE(mug);
+    const Triangles t = object_triangles(s.world, *mug, {0.5f, 0.5f, 0.5f});
+    const Vector3d middle(mug->pose.position.x, mug->pose.position.y, mug->pose.position.z);
+    Camera camera;
+    camera.target = middle, camera.eye = middle + Vector3d(0.25, -0.22, 0.12);
+    Raster raster(camera, 120, 90, {1, 1, 1});
+    raster.layer(t, 7, 1.0, {});
+    int seen = 0, differ = 0;
+    for (int y = 0; y < 90; ++y)
+        for (int x = 0; x < 120; ++x) {
+            const auto [from, along] = raster.view().ray(x + 0.5, y + 0.5);
+            bool hit = false;
+            double distance = 0;
+            for (const auto& f : t.faces)
+                hit = hit ||
+                      meets(from, along, t.vertices[std::size_t(f[0])].position, t.vertices[std::size_t(f[1])].position,
+                            t.vertices[std::size_t(f[2])].position, distance);
+            seen += hit;
+            differ += hit != (raster.layer_id(x, y) == 7);
+        }
+    EXPECT_GT(seen, 1000);
+    EXPECT_LE(differ, seen / 200) << "of " << seen << " pixels of the mug";
+}
+
+/// Last joints are where the simulated bones begin, whatever the hand, and bones keep about their lengths.
+TEST(Picture, AHandEndsWhereItsFingertipsBegin) {
+    for (const char* name : {"hand.toml", "two_hands.toml", "press.toml", "pinch.toml", "recorded_grasp.toml"}) {
+        Simulation s = make_simulation(load_scene(scenes + name), 2);
+        for (int k = 0; k < 20; ++k) advance(s);
+        const std::vector<HandParts> hands = hands_of(s.scene);
+        std::size_t fingers = 0;
+        for (const HandParts& parts : hands) {
+            HandPoser poser(s, parts);
+            const HandBones& bones = poser.pose(s);
+            for (const auto& bone : bones) ASSERT_TRUE(bone.matrix().allFinite()) << name;
+            EXPECT_LT(bones[0].linear().determinant() * (parts.left ? -1 : 1), 1 + 1e-9);
+            EXPECT_GT(bones[0].linear().determinant() * (parts.left ? -1 : 1), 1 - 1e-9) << "a hand of the other side";
+            for (int f = 0; f < 5; ++f) {
+                const int row = parts.finger[std::size_t(f)];
+                if (row < 0) continue;
+                ++fingers;
+                const EntityId finger = s.fingers[std::size_t(row)];
+                const Pose<double> bone = bone_pose(s.world, finger);
+                const double cut = bounds(s.world.skins.find(finger)->mesh.nodes)[0][0];
+                const Vec3<double> begins = transform(bone, Vec3<double>{cut, 0, 0});
+                const auto ends = bones[std::size_t(hand_bone(f, 1))] * rest_joint(f, 2);
+                EXPECT_NEAR((ends - Vector3d(begins.x, begins.y, begins.z)).norm(), 0, 1e-9) << name;
+            }
+        }
+        EXPECT_EQ(fingers, s.fingers.size()) << name;
+    }
+    Scene two = load_scene(scenes + "two_hands.toml");
+    ASSERT_EQ(hands_of(two).size(), 2u);
+    EXPECT_NE(hands_of(two)[0].left, hands_of(two)[1].left);
+}
+
+TEST(Picture, TheHandsSkinIsClosed) {
+    EXPECT_EQ(check_surface(hand_skin().surface, SurfaceUse::object), std::vector<std::string>{});
+    EXPECT_GT(volume(hand_skin().surface), 2e-4);
+    EXPECT_LT(volume(hand_skin().surface), 6e-4);  // of a real hand: about 0.4 l
+}
+
+TEST(Picture, ScalesEndAtRoundNumbers) {
+    EXPECT_DOUBLE_EQ(round_up(0.3), 0.5);
+    EXPECT_DOUBLE_EQ(round_up(20), 20);
+    EXPECT_DOUBLE_EQ(round_up(210), 500);
+    EXPECT_DOUBLE_EQ(round_up(700), 1000);
+}
+
+TEST(Picture, FilmsAreOfKindsThatExist) {
+    EXPECT_THROW(Video("film.avi", {}), InputError);
+    testing::ScratchFolder scratch;
+    const std::string film = (scratch.path / "film.gif").string(), out = (scratch.path / "out").string();
+    const std::string command = testing::program_path() + " run " + scenes +
+                                "press.toml --duration 0.1 --quiet --out " + out + " --video " + film;
+    ASSERT_EQ(std::system(("PATH=" + scratch.path.string() + " " + command).c_str()), 0);  // no ffmpeg there
+    int pictures = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(scratch.path / "film_frames"))
+        pictures += entry.path().extension() == ".png";
+    EXPECT_EQ(pictures, 3);
+    EXPECT_FALSE(std::filesystem::exists(film));
+    if (std::system("command -v ffmpeg > /dev/null 2>&1") != 0) GTEST_SKIP() << "no ffmpeg";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    EXPECT_GT(std::filesystem::file_size(film), 5000u);
+}
+
+}  // namespace
+}  // namespace palpate
