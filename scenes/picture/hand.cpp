@@ -101,7 +101,7 @@ struct Fit {
 
 /// How far a finger bends by itself: one that points down more than one that lies flat, which is pressed from above.
 double usual_bend(const Last& last) {
-    return std::clamp(std::asin(std::clamp(-last.axes(2, 0), -1.0, 1.0)) - 8 * degree, -15 * degree, 50 * degree);
+    return std::clamp(0.6 * std::asin(std::clamp(-last.axes(2, 0), -1.0, 1.0)) - 8 * degree, -15 * degree, 35 * degree);
 }
 
 /// The bend with which a finger's root comes nearest to where the palm has it.
