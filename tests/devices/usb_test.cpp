@@ -65,7 +65,8 @@ class Usb : public ::testing::Test {
     Outcome emulate(const std::string& options, const std::string& command) const {
         Outcome o;
         for (int attempt = 0; attempt < 3; ++attempt) {
-            o = shell(emulator + " " + options + " -- " + command);
+            // There, so that what it writes beside its results is thrown away.
+            o = shell("cd " + scratch.path.string() + " && " + emulator + " " + options + " -- " + command);
             const bool mocked = o.out.find("ERROR: libumockdev-preload:") != std::string::npos ||
                                 o.out.find("uevent_sender sendmsg") != std::string::npos;
             if (o.code == 0 || o.code == 2 || !mocked) break;
