@@ -24,9 +24,17 @@ inline constexpr double unbalanced_weight = 2e-5;
 /// Newton steps of a plane between fingers are held back by this share of the tissue's stiffness, and by so many
 /// roundings of the contact's penalty (`FingerPairs`).
 inline constexpr double plane_tissue_share = 1e-3, plane_roundings = 1600;
-/// A bone that is held less stiffly than this takes the push of a body up; nothing was gained there (`Energy`: balls of
-/// 1 to 500 g that meet a finger held with 2 to 1,000 N/mm) [N/m].
-inline constexpr double stiffly_held = 1e4;
+/// Least stiffness that penalties give a strain limit, and a contact, over mass / dt^2 of the body that presses on it.
+/// A multiplier that is updated once a step, while Newton has not come to its end, integrates what the penalty leaves
+/// open; with a penalty near mass / dt^2 that integral swings (of m p^3 + k = 0, p = 1 - 1/z, two roots then have |z|
+/// near 1). Chosen on `hold_mug`, `hold_ball`, `pinch` and `egg` with two iterations a step: limits at 8 times still
+/// let grasped bodies shake, at 120 times Newton no longer keeps up; stiffer contacts slow it down at once.
+inline constexpr double limits_over_inertia = 25, contacts_over_inertia = 1;
+/// A bone that is held less stiffly than this takes part of the push up: nothing was gained by stiffer contacts there,
+/// and limits need be no stiffer than so many times their penalty (beyond, in steps of 0.2 ms with one iteration, a
+/// body of 0.5 kg that met such a finger came back with 48 times its energy; `Energy`: balls of 1 to 500 g that meet a
+/// finger held with 2 to 1,000 N/mm) [N/m].
+inline constexpr double stiffly_held = 1e4, softly_held_scale = 64;
 /// Largest penalties against inertia, as multiples of those of tissue (the same balls: no preset gains energy).
 inline constexpr double largest_scale_double = 1e5, largest_scale_float = 4e3;
 

@@ -378,29 +378,44 @@ void update_all(Work& w) {
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
 
+/// Stiffness that a strain limit of scale one gives the smallest, or softest, element of a lane [N/m].
+template <class T>
+double least_limit_stiffness(const SkinChunk<T>& c, int lane) {
+    const auto W = std::size_t(c.width), l = std::size_t(lane);
+    double least = HUGE_VAL;  // cubed
+    for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
+        const double penalty = double(c.rest.limit_penalty[e * W + l]);
+        least = std::min(least, penalty * penalty * penalty * 8.5 * double(c.rest.volume[e * W + l]));
+    }
+    return std::cbrt(least);
+}
+
 /// What a body presses on tissue at its limits with is its inertia: multipliers, which in a short solve are updated
-/// once a step, integrate what penalties far below mass / dt^2 leave open, and push on after the body has turned back,
-/// so that it leaves with more energy than it brought. Penalties of such lanes are no lower than that.
+/// once a step, integrate what penalties near or below mass / dt^2 leave open, and push on after the body has turned
+/// back, so that it shakes in the grasp, or leaves with more energy than it brought. Penalties of such lanes are no
+/// lower than that.
 void stiffen_against_inertia(Work& w) {
     if (!w.solver.inertia) return;
     for_each_lane(w, [&](auto& c, int lane, const Island&) {
         if (!c.has_limits || c.status[std::size_t(lane)].limited_elements == 0) return;
-        if (double(c.scratch.bone_springs[std::size_t(lane)]) < fitted::stiffly_held) return;
         using T = std::remove_reference_t<decltype(c.state.penalty_scale[0])>;
         double mass = 0;
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
             if (const int body = c.contacts.at(slot, lane).body; body >= 0 && !is_plane(w, body))
                 mass = std::max(mass, w.bodies[body].mass);
+        if (mass == 0) return;
         const double inertia = mass / (w.solver.dt * w.solver.dt), kept = 0.7;  // begin_step lets them fall by so much
-        const double largest = sizeof(T) == 8 ? fitted::largest_scale_double : fitted::largest_scale_float;
-        const double spacing = std::cbrt(8.5 * double(c.rest.volume[std::size_t(lane)]));
-        const double bases[] = {spacing * double(c.rest.limit_penalty[std::size_t(lane)]),
-                                double(c.rest.contact_penalty[std::size_t(lane)])};
-        for (int k = 0; k < 2; ++k) {
+        const bool is_soft = double(c.scratch.bone_springs[std::size_t(lane)]) < fitted::stiffly_held;
+        const double most = is_soft          ? fitted::softly_held_scale
+                            : sizeof(T) == 8 ? fitted::largest_scale_double
+                                             : fitted::largest_scale_float;
+        auto stiffen = [&](int k, double wanted) {
             T& scale = c.state.penalty_scale[std::size_t(k * c.width + lane)];
-            const double wanted = std::min(inertia / (kept * bases[k]), largest);
-            scale = std::max(scale, T(wanted));
-        }
+            scale = std::max(scale, T(std::min(wanted / kept, most)));
+        };
+        stiffen(0, fitted::limits_over_inertia * inertia / least_limit_stiffness(c, lane));
+        if (!is_soft)
+            stiffen(1, fitted::contacts_over_inertia * inertia / double(c.rest.contact_penalty[std::size_t(lane)]));
     });
 }
 
