@@ -60,6 +60,24 @@ TEST(TrueReadings, WhatTheSolverHadToDoIsSaid) {
     EXPECT_EQ(to_json(summarise(s))["fingers"][0]["wrong_side_steps"], 3);
 }
 
+TEST(TrueReadings, ABallThatConformingFingersHoldComesToRest) {
+    std::vector<std::string> settings{"solver.preset=balanced"};
+    for (const std::string finger : {"thumb", "index", "middle", "ring", "little"}) {
+        settings.push_back("finger." + finger + ".mesh.kind=conforming");
+        settings.push_back("finger." + finger + ".mesh.patch=5");
+    }
+    Simulation s = make_simulation(load_scene(scenes + "hold_ball.toml", settings), 2);
+    run(s, stop, {});
+    // It shook at 3 mm/s where penalties of strain limits were no larger than its inertia.
+    const Series& series = s.body_series[0];
+    double fastest = 0;
+    for (std::size_t k = series.rows() * 3 / 4; k < series.rows(); ++k)
+        for (const char* axis : {"v_x_mm_per_s", "v_y_mm_per_s", "v_z_mm_per_s"})
+            fastest = std::max(fastest, std::abs(series.values[k * series.columns.size() + column_of(series, axis)]));
+    EXPECT_LT(fastest, 0.1);
+    EXPECT_GT(summarise(s).bodies.at(0).held_s, 2);
+}
+
 TEST(TrueReadings, ABodyThatShakesInTheFingersHasNotSlipped) {
     Simulation s = make_simulation(load_scene(scenes + "pinch.toml", {"solver.preset=fast"}), 2);
     run(s, stop, {});
