@@ -109,9 +109,10 @@ def check_palpate_line(where, words):
 
 
 def check_line(where, line):
-    if "palpate" in line.split("|")[0].split("#")[0].replace("$(", " ").split():
-        quoted = re.search(r"\$\((.*?)\)", line)
-        check_palpate_line(where, words_of(quoted[1] if quoted else line))
+    quoted = re.search(r"\$\((.*?)\)", line)
+    words = words_of(quoted[1] if quoted else line)
+    if "palpate" in words:
+        check_palpate_line(where, words)
     for script in re.findall(r"\bsh ([\w/]+\.sh)", line):
         check((ROOT / script).is_file(), f"{where}: {script}: no such file")
     for target in re.findall(r"build/release/(?:tests/)?([\w-]+)", line):

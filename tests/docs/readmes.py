@@ -64,13 +64,16 @@ def anchors(file):
 
 
 def shell_commands(block):
-    """(line, command) of a block; a backslash joins lines, a comment ends one."""
+    """(line, command) of a block; a backslash or an open quote joins lines, a comment ends one."""
     text, number = "", block.line
     for line in block.text.splitlines():
         number += 1
         text += line
         if text.endswith("\\"):
             text = text[:-1]
+            continue
+        if text.count('"') % 2:
+            text += "\n"
             continue
         if text.split("#")[0].strip():
             yield number, text.strip()
