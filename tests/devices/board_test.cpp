@@ -5,6 +5,7 @@
 
 #include "devices/drivers/board.h"
 #include "devices/loop/device_thread.h"
+#include "tests/real_time.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -24,7 +25,7 @@ struct FakeState {
 };
 class FakeLink final : public BoardLink {
   public:
-    explicit FakeLink(FakeState& state) : state_(state) {}
+    explicit FakeLink(FakeState& state) : state_(state) { testing::ask_to_be_served_first(); }
     std::string open(std::span<WireValue> positions) override {
         if (!state_.there) return "not there";
         positions[0] = 5000;

@@ -12,6 +12,7 @@
 #include "devices/drivers/text_link.h"
 #include "devices/drivers/text_protocol.h"
 #include "tests/arduino/computer/Arduino.h"
+#include "tests/real_time.h"
 #include "tests/support.h"
 
 namespace sketch {
@@ -87,6 +88,7 @@ class SketchBoard {
         arduino::pulses.clear();
         for (auto& servo : sketch::outputs) servo = {};
         sketch::setup();
+        testing::ask_to_be_served_first();
         thread_ = std::thread([this] {
             while (!stop_) {
                 if (!hangs) sketch::loop();

@@ -13,6 +13,7 @@
 
 #include "devices/drivers/servo.h"
 #include "tests/emulator/wire_log.h"
+#include "tests/real_time.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -27,6 +28,7 @@ using Target = testing::WireEvent;
 class Usb : public ::testing::Test {
   protected:
     void SetUp() override {
+        testing::ask_to_be_served_first();
 #ifndef PALPATE_MAESTRO_EMULATOR
         GTEST_SKIP() << "umockdev (libumockdev-dev) was not there when the tests were configured";
 #endif

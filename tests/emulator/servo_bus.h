@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "devices/drivers/serial_protocol.h"
+#include "tests/real_time.h"
 
 namespace palpate::testing {
 
@@ -32,6 +33,7 @@ class ServoBusEmulator {
             put(id, present(), wide_ ? 4 : 2, 2000);
             if (wide_) put(id, dynamixel::operating_mode, 1, dynamixel::plain_position);
         }
+        ask_to_be_served_first();
         thread_ = std::thread([this] { serve(); });
     }
     ~ServoBusEmulator() {

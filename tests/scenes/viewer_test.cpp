@@ -20,6 +20,7 @@
 #include "scenes/run/carry_over.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
+#include "tests/real_time.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -306,6 +307,7 @@ TEST(ViewServer, ServesFramesAndTakesCommandsButNotFromStrangers) {
 }
 
 TEST(View, ShowsARunThatObeys) {
+    testing::ask_to_be_served_first();
     testing::ScratchFolder scratch;
     const std::string log = (scratch.path / "log").string();
     const pid_t child = fork();
