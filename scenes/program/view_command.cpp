@@ -4,10 +4,12 @@
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <thread>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "scenes/load/presets.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/stream_options.h"
 #include "scenes/recording/run_file.h"
@@ -68,6 +70,31 @@ nlohmann::json settings_of(const Scene& scene) {
     return out;
 }
 
+/// Whether a scene or an override says itself which preset runs: comments apart, a preset or a deadline is set.
+bool names_preset(const Scene& scene, const std::vector<std::string>& overrides) {
+    std::string text = std::regex_replace(read_file(scene.file), std::regex("#[^\n]*"), "");
+    for (const std::string& o : overrides) text += "\n" + o;
+    return scene.deadline > 0 || std::regex_search(text, std::regex("\\b(preset|deadline_ms|static)\\s*="));
+}
+
+/// How far from real time a run is: simulated over passed time, smoothed over about two seconds.
+struct Pace {
+    using Clock = std::chrono::steady_clock;
+    Clock::time_point since = Clock::now();
+    double simulated = 0;  ///< since then [s]
+    double factor = 0;     ///< 0: not known yet
+    void begin() { since = Clock::now(), simulated = 0; }
+    /// True, with a new factor, every half second.
+    bool look() {
+        const double passed = std::chrono::duration<double>(Clock::now() - since).count();
+        if (passed < 0.5) return false;
+        const double now = simulated / passed;
+        factor = factor == 0 ? now : factor + 0.25 * (now - factor);
+        begin();
+        return true;
+    }
+};
+
 /// A scene that runs again and again, at some speed, until it is told otherwise.
 struct LiveRun {
     const ViewArguments& arguments;
@@ -76,6 +103,8 @@ struct LiveRun {
     std::vector<std::string> overrides = arguments.overrides;
     std::unique_ptr<Simulation> simulation{};
     std::unique_ptr<RenderedPadsThread> rendered_pads{};
+    std::string holds_time{};  ///< the override by which presets step down to hold real time; empty: none
+    Pace pace{};
     bool paused = false;
     int single_steps = 0;
     double speed = 1;
@@ -83,7 +112,15 @@ struct LiveRun {
     /// Loads the scene, and begins it anew; or, where it can, goes on where the run is.
     void start(bool go_on = false) {
         Scene scene = load_scene(arguments.scene, overrides);
-        if (!simulation) print_warnings(scene);
+        if (!simulation) {
+            print_warnings(scene);
+            // Real thimbles get what the scene says; a picture is to keep up with the clock.
+            if (!arguments.arm && !names_preset(scene, overrides)) {
+                scene.deadline = scene.spec.solver.dt;
+                holds_time = "solver.deadline_ms=" + std::to_string(1e3 * scene.deadline);
+                overrides.push_back(holds_time);
+            }
+        }
         nlohmann::json data{{"live", true},
                             {"about", "live"},
                             {"summary", ""},
@@ -160,6 +197,7 @@ struct LiveRun {
         StepInputs inputs = next_inputs(s);
         if (stream) stream->command(s, inputs);
         advance(s, inputs);
+        pace.simulated += s.world.solver.dt;
         if (stream) stream->tell(s);
         if (record) record->record(inputs, s);
         if (record && !record->failure().empty() && !told_failure) {
@@ -185,6 +223,17 @@ struct LiveRun {
         silent = now;
     }
 
+    std::string preset_now() const {
+        const Simulation& s = *simulation;
+        return preset_names()[std::size_t(s.governor ? s.governor->preset : s.scene.preset)];
+    }
+    /// Tells the page which preset runs, and how fast.
+    void tell_pace() {
+        if (paused) pace.begin();
+        if (!pace.look()) return;
+        server.tell_all({{"preset", preset_now()}, {"pace", pace.factor}, {"holds_time", bool(simulation->governor)}});
+    }
+
     /// Tells the page which thimbles are in fault, when that changes.
     std::string faults{};
     void tell_faults() {
@@ -206,6 +255,8 @@ struct LiveRun {
             const std::string wanted = key.get<std::string>(), name = wanted.substr(0, wanted.find('=') + 1);
             std::erase_if(overrides, [&](const std::string& o) { return !name.empty() && o.starts_with(name); });
             overrides.push_back(wanted);
+            // Who sets the solver's settings means these, not a cheaper preset's.
+            if (name.starts_with("solver.")) std::erase(overrides, holds_time);
         }
         try {
             start(true);
@@ -248,6 +299,11 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         tell_address(*live.stream);
     }
     live.start();
+    const std::string preset = live.preset_now();
+    if (live.simulation->governor)
+        std::printf("preset %s, and a cheaper one while its steps take longer than real time\n", preset.c_str());
+    else
+        std::printf("preset %s\n", preset.c_str());
     if (live.hands) std::printf("hands are expected from %s\n", live.hands->source->about().c_str());
     std::printf("open %s   (Ctrl-C ends)\n", server.url().c_str());
     if (a.any_address)
@@ -277,6 +333,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
             append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), longest_us);
             live.tell_faults();
             live.tell_silence();
+            live.tell_pace();
             server.publish(frame);
             longest_us = 0;
             next_frame = now + std::chrono::milliseconds(33);

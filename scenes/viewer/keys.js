@@ -20,6 +20,11 @@ const key_actions = [
   ['n', 'names', () => toggle('names')],
   ['m', 'the mesh', () => toggle('mesh')],
   ['p', 'what fingers feel', () => toggle('felt')],
+  ['q', 'one quantity after the other, then all plots', () => nextQuantity()],
+  ['z', 'plots: less time', () => zoomTimeBy(0.5)],
+  ['Z', 'plots: more time', () => zoomTimeBy(2)],
+  ['a', 'plots: all time', () => showAllTime()],
+  ['v', 'save the plots (SVG)', () => savePlots()],
   ['w', 'save the picture (PNG)', () => savePicture()],
   ['?', 'this list', () => { by('keys').hidden = !by('keys').hidden; }],
   ['Escape', 'close it', () => { by('keys').hidden = true; }],
@@ -32,12 +37,16 @@ function nextOf(id) {
   list.selectedIndex = (list.selectedIndex + 1) % list.options.length;
   if (list.onchange) list.onchange();
 }
-function savePicture() {
-  const link = document.createElement('a');
-  link.download = `${stage.title} ${frames[now].time.toFixed(3)} s.png`;
-  link.href = renderer.domElement.toDataURL('image/png');
+function save(address, name) {
+  const link = Object.assign(document.createElement('a'), { download: name, href: address });
   link.click();
 }
+function savePicture() {
+  save(renderer.domElement.toDataURL('image/png'), `${stage.title} ${frames[now].time.toFixed(3)} s.png`);
+}
+function savePlots() { save('data:image/svg+xml,' + encodeURIComponent(plotsSvg()), stage.title + '.svg'); }
+by('save-picture').onclick = () => { if (frames.length > 0) savePicture(); };
+by('save-plots').onclick = () => { if (frames.length > 0) savePlots(); };
 
 by('keys').innerHTML = '<h2>Keys</h2><table>' + key_actions.map(([key, what]) =>
   `<tr><td><kbd>${key_names[key] || key}</kbd></td><td>${what}</td></tr>`).join('') + '</table>';
@@ -53,12 +62,19 @@ window.addEventListener('keydown', event => {
   action();
 });
 
-// A link such as report.html#keys=End,ArrowLeft&hover=0.4 types and points; tests use it.
+// A link such as report.html#plots=force,joints chooses quantities; the ids of plots.js.
+if (link.has('plots')) {
+  const wanted = link.get('plots').split(',');
+  for (const plot of plots) plot.box.checked = plot.shown = wanted.includes(plot.id);
+  drawPlots();
+}
+// A link such as report.html#keys=End,ArrowLeft&hover=0.4 types and points, and &svg=1 keeps the plots; tests use it.
 if (link.has('keys'))
   for (const key of link.get('keys').split(',')) window.dispatchEvent(new KeyboardEvent('keydown', { key, cancelable: true }));
 if (link.has('hover') && frames.length > 0) {
-  const box = plots[0].canvas.getBoundingClientRect(), first = frames[0].time;
-  const share = (Number(link.get('hover')) - first) / (frames[frames.length - 1].time - first);
-  plots[0].canvas.dispatchEvent(new MouseEvent('mousemove', { clientX: box.left + 44 + share * (box.width - 52) }));
+  const { canvas } = plots.find(plot => plot.shown), box = canvas.getBoundingClientRect(), [t0, t1] = timeSpan();
+  const share = (Number(link.get('hover')) - t0) / (t1 - t0);
+  canvas.dispatchEvent(new PointerEvent('pointermove', { clientX: box.left + 44 + share * (box.width - 52) }));
   document.body.dataset.hover = by('hover').innerText.replace(/\s+/g, ' ');
 }
+if (link.has('svg') && frames.length > 0) document.body.dataset.svg = encodeURIComponent(plotsSvg());

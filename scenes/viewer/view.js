@@ -137,11 +137,12 @@ let now = 0, playing = true, elapsed = 0, largest_force = 1e-6;
 function addFrame(frame) {
   if (frames.length > 0 && frame.time < frames[frames.length - 1].time) {
     frames.length = 0;
-    for (const plot of plots) plot.curves.forEach(curve => { curve.length = 0; });
+    for (const plot of plots) plot.curves.forEach(curve => { curve.values.length = 0; });
+    span = null;
   }
   if (frames.length >= most_frames) {
     frames.shift();
-    for (const plot of plots) plot.curves.forEach(curve => curve.shift());
+    for (const plot of plots) plot.curves.forEach(curve => curve.values.shift());
   }
   frames.push(frame);
   frame.fingers.forEach((f, k) => {
@@ -156,11 +157,7 @@ function addFrame(frame) {
   });
   if (run.live && frames.length % 15 === 1) fitScales();
   for (const plot of plots)
-    plot.curves.forEach((curve, k) => {
-      const value = plot.of(frame, k);
-      curve.push(value);
-      plot.most = Math.max(plot.most, value);
-    });
+    plot.curves.forEach(curve => curve.values.push(plot.of(frame, curve)));
 }
 
 function showFinger(k, f) {
@@ -394,6 +391,11 @@ function startLive() {
       const message = JSON.parse(event.data);
       if (message.reload) location.reload();
       if ('error' in message) by('failure').textContent = message.error;
+      if ('pace' in message) {
+        by('about').textContent = `live: ${message.preset} · ${message.pace.toFixed(2)} x real time`;
+        by('about').title = message.holds_time ? 'the most accurate preset whose steps keep up with real time' : 'the preset of the scene';
+        if (link.has('probe')) console.log('pace shown: ' + by('about').textContent);  // for tests
+      }
       if ('silent' in message) {
         by('silent').hidden = message.silent === '';
         by('silent').textContent = `no hand is seen; led to rest: ${message.silent}`;

@@ -11,11 +11,13 @@
 #include <condition_variable>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "scenes/load/presets.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/run/carry_over.h"
 #include "scenes/viewer/report.h"
@@ -117,6 +119,66 @@ std::string attribute(const std::string& page, const std::string& name) {
     return page.substr(at + mark.size(), page.find('"', at + mark.size()) - at - mark.size());
 }
 
+/// What encodeURIComponent() wrote.
+std::string decoded(const std::string& text) {
+    std::string out;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        out += text[i] == '%' ? char(std::stoi(text.substr(i + 1, 2), nullptr, 16)) : text[i];
+        if (text[i] == '%') i += 2;
+    }
+    return out;
+}
+/// Whether every element of a document is closed, in order, and no text holds a bare < or &; attributes in double
+/// quotes.
+bool well_formed(const std::string& xml) {
+    std::vector<std::string> open;
+    for (std::size_t at = 0; at < xml.size();) {
+        if (xml[at] == '&' && xml.compare(at, 2, "&#") != 0) return false;
+        if (xml[at++] != '<') continue;
+        const std::size_t end = xml.find('>', at);
+        if (end == std::string::npos) return false;
+        const std::string tag = xml.substr(at, end - at), name = tag.substr(0, tag.find_first_of(" /", 1));
+        at = end + 1;
+        if (tag.find('<') != std::string::npos || std::count(tag.begin(), tag.end(), '"') % 2) return false;
+        if (tag[0] == '/') {
+            if (open.empty() || "/" + open.back() != tag) return false;
+            open.pop_back();
+        } else if (tag.back() != '/') {
+            open.push_back(name);
+        }
+    }
+    return open.empty();
+}
+/// The points of the first curve of a quantity in plots as SVG: times and values.
+std::vector<std::pair<double, double>> curve_of(const std::string& svg, const std::string& quantity) {
+    const std::size_t plot = svg.find("data-quantity=\"" + quantity + "\"");
+    if (plot == std::string::npos) return {};
+    const std::size_t at = svg.find("points=\"", svg.find("class=\"curve\"", plot)) + 8;
+    std::istringstream points(svg.substr(at, svg.find('"', at) - at));
+    std::vector<std::pair<double, double>> out;
+    char comma;
+    for (double t, v; points >> t >> comma >> v;) out.emplace_back(t, v);
+    return out;
+}
+/// A column of a table by time.
+std::map<int, double> column_by_ms(const std::string& file, const std::string& name) {
+    std::ifstream table(file);
+    std::string line, cell;
+    std::getline(table, line);
+    std::istringstream head(line);
+    int wanted = 0;
+    while (std::getline(head, cell, ',') && cell != name) ++wanted;
+    std::map<int, double> out;
+    while (std::getline(table, line)) {
+        std::istringstream row(line);
+        std::getline(row, cell, ',');
+        const int ms = int(std::lround(1e3 * std::stod(cell)));
+        for (int k = 0; k < wanted; ++k) std::getline(row, cell, ',');
+        out[ms] = std::atof(cell.c_str());
+    }
+    return out;
+}
+
 TEST(Report, IsOneFileThatABrowserPlays) {
     testing::ScratchFolder scratch;
     const std::string file = (scratch.path / "report.html").string(), out = (scratch.path / "out").string();
@@ -156,6 +218,26 @@ TEST(Report, IsOneFileThatABrowserPlays) {
         if (std::abs(std::stod(line) - time) < 1e-3) in_table = std::stod(line.substr(line.find(',') + 1));
     EXPECT_NEAR(force, in_table, 1e-3 * in_table);
     EXPECT_GT(force, 0.1);
+    // Plots are chosen, zoomed to the second half and saved; what they hold is the table's.
+    const std::string chosen = shell(browser + at + "#still=1&plots=area,joints&keys=End,z&svg=1'");
+    const std::string svg = decoded(attribute(chosen, "data-svg"));
+    EXPECT_EQ(attribute(chosen, "data-error"), "");
+    EXPECT_TRUE(well_formed(svg)) << svg;
+    EXPECT_TRUE(curve_of(svg, "force").empty() && curve_of(svg, "step").empty());
+    for (const auto& [quantity, name] : {std::pair{"area", "contact_area_mm2"}, {"joints", "q1_deg"}}) {
+        const auto curve = curve_of(svg, quantity);
+        const auto column = column_by_ms(out + "/index.csv", name);
+        ASSERT_GT(curve.size(), 5u) << quantity;
+        EXPECT_GT(curve.front().first, 0.25) << quantity;
+        for (const auto& [t, v] : curve) {
+            const int ms = int(std::lround(1e3 * t));
+            ASSERT_TRUE(column.contains(ms)) << t;
+            EXPECT_NEAR(v, column.at(ms), 1e-4 * std::abs(v) + 1e-4) << quantity << " at " << t;
+        }
+    }
+    const std::string next = decoded(attribute(shell(browser + at + "#still=1&keys=q,q,q&svg=1'"), "data-svg"));
+    EXPECT_FALSE(curve_of(next, "peak").empty());
+    EXPECT_TRUE(curve_of(next, "area").empty() && curve_of(next, "felt").empty());
     // On a phone, and in the dark, nothing fails.
     for (const char* look : {"--window-size=390,800 ", "--window-size=1600,900 --force-dark-mode "}) {
         const std::string page = shell(browser + look + at + "#t=0.5&still=1&probe=1'");
@@ -322,7 +404,7 @@ TEST(View, ShowsARunThatObeys) {
     for (int i = 0; i < 5000 && port == 0; ++i, usleep(20'000)) {
         std::ifstream in(log);
         std::string line;
-        std::getline(in, line);
+        while (line.find("open ") != 0 && std::getline(in, line)) {}
         std::sscanf(line.c_str(), "open http://127.0.0.1:%d/?token=%40[0-9a-f]", &port, token);
     }
     ASSERT_GT(port, 0);
@@ -351,6 +433,19 @@ TEST(View, ShowsARunThatObeys) {
                 if (t.find("young_kPa") != std::string::npos) return true;
             return false;
         }));
+        // It says which preset holds real time, and how far from it the run is: on any machine between none and a bit
+        // more.
+        nlohmann::json pace;
+        EXPECT_TRUE(client.wait_for([&] {
+            for (const auto& t : client.texts)
+                if (t.find("\"pace\"") != std::string::npos) pace = nlohmann::json::parse(t);
+            return !pace.is_null();
+        }));
+        EXPECT_GT(pace.value("pace", 0.0), 0.0);
+        EXPECT_LT(pace.value("pace", 9.0), 1.5);
+        EXPECT_TRUE(pace.value("holds_time", false));
+        const std::string preset = pace.value("preset", "");
+        EXPECT_EQ(std::count(preset_names().begin(), preset_names().end(), preset), 1) << preset;
         client.send(R"({"set":["finger.index.device.method=plane"]})");
         client.send(R"({"restart":true})");
         EXPECT_TRUE(client.wait_for([&] {
@@ -362,6 +457,7 @@ TEST(View, ShowsARunThatObeys) {
             const std::string url =
                 "http://127.0.0.1:" + std::to_string(port) + "/?token=" + std::string(token) + "#probe=1";
             EXPECT_EQ(what_a_browser_says(url, "first picture drawn"), "first picture drawn");
+            EXPECT_EQ(what_a_browser_says(url, "pace shown: live: "), "pace shown: live: ");
         }
     }
     kill(child, SIGINT);
