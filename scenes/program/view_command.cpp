@@ -134,6 +134,10 @@ struct LiveRun {
         // else.
         const bool stays_armed = goes_on || (simulation && keep_armed(*simulation, *fresh));
         if (!stays_armed && simulation) disarm(*simulation);
+        // A run that begins again begins with the preset that held real time.
+        if (!goes_on && simulation && simulation->governor && fresh->governor)
+            fresh->governor->preset = std::min(simulation->governor->preset, fresh->governor->highest);
+        pace.begin();
         simulation = std::move(fresh);  // the old one's controllers are free again
         rendered_pads = std::make_unique<RenderedPadsThread>(*simulation);
         text = data["scene"];
