@@ -8,6 +8,7 @@
 #include "scenes/program/replay_run.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
+#include "scenes/recording/video.h"
 #include "scenes/viewer/report.h"
 
 namespace palpate {
@@ -15,7 +16,7 @@ namespace palpate {
 namespace {
 
 struct ReplayArguments {
-    std::string file, out, report, extract;
+    std::string file, out, report, extract, video;
     int threads = 0, run = 0;
 };
 
@@ -29,8 +30,11 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
                 const std::atomic<bool>& stop) {
     const RecordedRun& run = recording.runs[number];
     ReportRecorder report;
+    std::optional<Video> video;
+    if (!a.video.empty()) video.emplace(a.video, PictureSettings{});
     const Replay replay = replay_run(run, a.file, a.threads, stop, [&](const Simulation& s) {
         if (!a.report.empty()) report.record(s);
+        if (video) video->record(s);
     });
     const Simulation& s = *replay.simulation;
     const std::string which = recording.runs.size() > 1 ? "run " + std::to_string(number + 1) + ": " : "";
@@ -51,6 +55,7 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
         }
         if (!a.report.empty()) report.write(a.report, s, summary);
     }
+    if (video) std::printf("%s\n", video->finish().c_str());
     return !replay.difference;
 }
 
@@ -59,9 +64,9 @@ int replay(const ReplayArguments& a, const std::atomic<bool>& stop) {
     const std::size_t count = recording.runs.size();
     if (a.run > int(count))
         throw InputError(a.file + ": --run " + std::to_string(a.run) + ": it holds " + std::to_string(count) + " runs");
-    if (!a.report.empty() && count > 1 && a.run == 0)
+    if (!(a.report.empty() && a.video.empty()) && count > 1 && a.run == 0)
         throw InputError(a.file + ": it holds " + std::to_string(count) +
-                         " runs; --run N says which of them --report shows");
+                         " runs; --run N says which of them --report or --video shows");
     const std::size_t first = a.run > 0 ? std::size_t(a.run - 1) : 0, last = a.run > 0 ? first + 1 : count;
     if (!a.extract.empty()) {
         extract(a, recording.runs[first]);
@@ -87,6 +92,8 @@ Action add_replay_command(const Command& program, const std::atomic<bool>& stop)
     c.option("--run", a->run, "of several runs in the file, this one alone (1, 2, ...)").range(1, 1000000000);
     c.option("--out", a->out, "folder for results: CSV, VTU, SVG, as of a run");
     c.option("--report", a->report, "write one HTML file with 3-D playback, plots and summary");
+    c.option("--video", a->video,
+             "film of the run: .webm, .gif or .mp4 by ffmpeg; where that is not, pictures in a folder");
     c.option("--extract", a->extract, "write the recorded scene file, and do nothing else");
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
     c.footer(

@@ -81,24 +81,47 @@ void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, bool 
     if (!at_rest || stopped || !a.quiet) std::fprintf(stderr, "%s", rest.c_str());
 }
 
-int run_scene(RunArguments a, const std::atomic<bool>& stop) {
-    if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
+/// The arguments' own overrides after those of the user.
+std::vector<std::string> all_overrides(const RunArguments& a, const std::atomic<bool>& stop) {
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
     if (a.statics) overrides.push_back("solver.static=true");
     if (a.budget_ms > 0) overrides.push_back("solver.preset=" + affordable_preset(a, overrides, stop));
-    Scene scene = load_scene(a.scene, overrides);
+    return overrides;
+}
+
+void tell_of_scene(const RunArguments& a, const Scene& scene) {
     print_warnings(scene);
-    if (!a.quiet && !a.json)
-        for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
-            std::printf("%s: %s\n", scene.spec.fingers[i].name.c_str(), scene.mesh_notes[i].c_str());
-    if (!a.quiet && !a.json)
-        for (const auto& recording : scene.recordings)
-            if (recording && !recording->note.empty()) std::printf("recorded hand: %s\n", recording->note.c_str());
+    if (a.quiet || a.json) return;
+    for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
+        std::printf("%s: %s\n", scene.spec.fingers[i].name.c_str(), scene.mesh_notes[i].c_str());
+    for (const auto& recording : scene.recordings)
+        if (recording && !recording->note.empty()) std::printf("recorded hand: %s\n", recording->note.c_str());
+}
+
+/// What was felt, and which files hold it now.
+void tell_results(const RunArguments& a, const Summary& summary, const ResultsFolder& results,
+                  const std::filesystem::path& folder, const std::vector<std::string>& replaced) {
+    if (a.json) std::printf("%s\n", to_json(summary).dump(2).c_str());
+    if (a.json || a.quiet) return;
+    std::printf("\n%s\n%zu files in %s (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
+                to_text(summary).c_str(), results.files(), folder.string().c_str());
+    for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
+}
+
+int run_scene(RunArguments a, const std::atomic<bool>& stop) {
+    if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
+    const std::vector<std::string> overrides = all_overrides(a, stop);
+    Scene scene = load_scene(a.scene, overrides);
+    tell_of_scene(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
+    if (!a.video.empty() && (a.arm || !source.empty()))
+        throw InputError("--video " + a.video +
+                         ": a film is painted between steps, which real thimbles and live hands do not " +
+                         "wait for; --record run.palpate, then palpate replay run.palpate --video " + a.video);
     if (!source.empty()) follow_live(simulation, std::make_shared<LiveHands>(source));
     if (simulation.live && !a.quiet && !a.json)
         std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
@@ -156,19 +179,12 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (pads) pads->finish(simulation);
     const std::vector<std::string> replaced = results.finish();
     if (!a.report.empty()) report.write(a.report, simulation, summary);
+    if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
+    tell_results(a, summary, results, folder, replaced);
     if (video) {
         const std::string said = video->finish();
         if (!a.quiet && !a.json) std::printf("%s\n", said.c_str());
     }
-    if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
-    if (a.json)
-        std::printf("%s\n", to_json(summary).dump(2).c_str());
-    else if (!a.quiet)
-        std::printf(
-            "\n%s\n%zu files in %s (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
-            to_text(summary).c_str(), results.files(), folder.string().c_str());
-    if (!a.json && !a.quiet)
-        for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
     if (stop) std::fprintf(stderr, "stopped early at %.3f s\n", simulation.world.time);
     return stop ? 130 : record_failed ? 1 : 0;
 }

@@ -86,18 +86,13 @@ void Video::begin() {
     ::signal(SIGPIPE, SIG_IGN);
 }
 
-void Video::record(const Simulation& s) {
-    if (s.world.time + 1e-9 < next_) return;
-    next_ = s.world.time + 1 / rate_ - 1e-9;
-    if (!painter_) painter_ = std::make_unique<Painter>(s, settings_), begin();
-    const Image image = painter_->paint(s);
+void Video::add(const Image& image) {
     if (pipe_ < 0) {
         char name[32];
-        std::snprintf(name, sizeof name, "frame_%05d.png", count_++);
+        std::snprintf(name, sizeof name, "frame_%05d.png", count_);
         write_png(folder_ / name, image);
         return;
     }
-    ++count_;
     for (std::size_t done = 0; done < image.rgb.size();) {
         const ssize_t n = ::write(pipe_, image.rgb.data() + done, image.rgb.size() - done);
         if (n < 0 && errno == EINTR) continue;
@@ -106,7 +101,18 @@ void Video::record(const Simulation& s) {
     }
 }
 
+void Video::record(const Simulation& s) {
+    if (failure_ || s.world.time + 1e-9 < next_) return;
+    next_ = s.world.time + 1 / rate_ - 1e-9;
+    try {
+        if (!painter_) painter_ = std::make_unique<Painter>(s, settings_), begin();
+        add(painter_->paint(s));
+        ++count_;
+    } catch (const std::exception&) { failure_ = std::current_exception(); }
+}
+
 std::string Video::finish() {
+    if (failure_) std::rethrow_exception(failure_);
     if (count_ == 0) return "no picture, no film";
     if (pipe_ < 0)
         return std::to_string(count_) + " pictures in " + folder_.string() +

@@ -3,6 +3,8 @@
 
 #include <sys/types.h>
 
+#include <exception>
+
 #include "scenes/picture/still.h"
 
 namespace palpate {
@@ -14,17 +16,20 @@ class Video {
     ~Video();
     Video(const Video&) = delete;
     Video& operator=(const Video&) = delete;
-    /// Call after every step: paints at most `rate` pictures per simulated second. Throws as throw_unwritable.
+    /// Call after every step: paints at most `rate` pictures per simulated second, and waits for ffmpeg to take them.
+    /// What goes wrong ends the film, not the run: finish() throws it.
     void record(const Simulation& simulation);
-    /// Ends it, and says in a sentence what there is now. Throws InputError where ffmpeg failed.
+    /// Ends it, and says in a sentence what there is now. Throws what went wrong.
     std::string finish();
 
   private:
     void begin();
+    void add(const Image& image);
     std::filesystem::path path_, folder_;
     PictureSettings settings_;
     std::unique_ptr<Painter> painter_;
     double rate_, next_ = 0;
+    std::exception_ptr failure_;
     int count_ = 0, pipe_ = -1;
     pid_t process_ = 0;
 };

@@ -122,6 +122,29 @@ TEST(Picture, FilmsAreOfKindsThatExist) {
         pictures += entry.path().extension() == ".png";
     EXPECT_EQ(pictures, 3);
     EXPECT_FALSE(std::filesystem::exists(film));
+    // Whom steps must not keep waiting has a film of the recording.
+    const testing::Outcome armed = testing::shell(command + " --arm");
+    EXPECT_EQ(armed.code, 2);
+    EXPECT_NE(armed.out.find("palpate replay run.palpate --video"), std::string::npos) << armed.out;
+    const std::string recording = (scratch.path / "run.palpate").string(),
+                      again = (scratch.path / "again.gif").string();
+    const std::string plain = command.substr(0, command.find(" --video"));
+    ASSERT_EQ(std::system((plain + " --record " + recording).c_str()), 0);
+    ASSERT_EQ(std::system(("PATH=" + scratch.path.string() + " " + testing::program_path() + " replay " + recording +
+                           " --video " + again + " > /dev/null")
+                              .c_str()),
+              0);
+    EXPECT_TRUE(std::filesystem::exists(scratch.path / "again_frames" / "frame_00002.png"));
+    // What goes wrong with a film is said, and the results are there.
+    const std::string broken = (scratch.path / "broken").string();
+    std::filesystem::create_directory(broken);
+    std::ofstream(broken + "/ffmpeg") << "#!/bin/sh\nexit 1\n";
+    std::filesystem::permissions(broken + "/ffmpeg", std::filesystem::perms::owner_all);
+    std::filesystem::remove_all(out);
+    const testing::Outcome failed = testing::shell("PATH=" + broken + ":$PATH " + command);
+    EXPECT_EQ(failed.code, 2) << failed.out;
+    EXPECT_NE(failed.out.find("ffmpeg"), std::string::npos) << failed.out;
+    EXPECT_TRUE(std::filesystem::exists(out + "/summary.json"));
     if (std::system("command -v ffmpeg > /dev/null 2>&1") != 0) GTEST_SKIP() << "no ffmpeg";
     ASSERT_EQ(std::system(command.c_str()), 0);
     EXPECT_GT(std::filesystem::file_size(film), 5000u);
