@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/bodies/islands.h"
+#include "engine/contact/fitted.h"
 #include "engine/skin/chunks/level_of_detail.h"
 #include "engine/systems.h"
 
@@ -192,6 +193,8 @@ void end_bodies(Work& w) {
             body.velocity = body.angular_momentum = body.contact_force = body.contact_torque = body.acceleration = {};
         } else {
             const Motion contact = b.inertia.gradient - b.gradient;
+            body.converged &= b.gradient.head<3>().norm() <=
+                              std::max(fitted::own_residual * contact.head<3>().norm(), fitted::own_rounding);
             const Vec3<double> before = body.velocity;
             body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * way;
             body.acceleration = (1 / w.solver.dt) * (body.velocity - before);

@@ -169,7 +169,10 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     if (slots > 0) find_outward(out);
     status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
     status.wrong_sides += nodes_behind(c, lane, out);
-    if (status.wrong_sides > 0) status.converged = false;
+    // An island has converged as a whole: what little is left of its forces may be much of one finger's.
+    const bool unbalanced =
+        status.residual_N > std::max(fitted::own_residual * status.contact_force_N, fitted::own_rounding);
+    if (status.wrong_sides > 0 || unbalanced) status.converged = false;
     out.rough = !status.converged && status.contact_force_N > fitted::rough_from &&
                 status.residual_N > detail::fitted::rough_share * status.contact_force_N;
     out.rough_steps += out.rough;

@@ -91,9 +91,9 @@ TEST(Results, AKilledRunLeavesItsTables) {
     testing::ScratchFolder scratch;
     const fs::path out = scratch.path / "out";
     const std::string run = testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out.string();
-    // Killed once some of a run that would take far longer is there.
+    // Killed once some of every table of a run that would take far longer is there (steps.csv is written last).
     testing::shell(run + " --duration 3000 --set dt_ms=5 --set solver.preset=fast & p=$!; for i in $(seq 600); do " +
-                   "[ $(cat " + out.string() + "/*/index.csv | wc -l) -gt 200 ] && break; sleep 0.1; done; " +
+                   "[ $(cat " + out.string() + "/*/steps.csv | wc -l) -gt 200 ] && break; sleep 0.1; done; " +
                    "kill -KILL $p; wait $p");
     fs::path left;
     for (const auto& entry : fs::directory_iterator(out)) left = entry.path();
