@@ -36,7 +36,8 @@ void step(World& w, Threads& threads) {
         solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, w.skins, threads, w.shapes, w.bodies,
                      w.finger_pairs, w.body_solve, w.chunks);
     });
-    timed(p.extract_contact, [&] { extract_contact(w.skins, w.chunks, w.couplings, w.contact_surfaces); });
+    timed(p.extract_contact,
+          [&] { extract_contact(w.skins, w.solver.tolerance, w.chunks, w.couplings, w.contact_surfaces); });
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });
     timed(p.publish, [&] {
         publish(w.tracker_poses, w.couplings, w.matchings, w.time, w.solver.dt, w.sampled_at, w.device_links);

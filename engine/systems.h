@@ -47,8 +47,9 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   BodySolve& solve, SkinChunks& chunks);
 
 /// Reads touching samples, forces and area of each finger from its lane. Says in its status which nodes are pressed
-/// from inside, and that such a step has not converged.
-void extract_contact(const Table<Skin>& skins, SkinChunks& chunks, Table<Coupling>& couplings,
+/// from inside, and that such a step has not converged; nor has a finger whose own forces are off balance by more than
+/// three times `tolerance` (of the solver, relative).
+void extract_contact(const Table<Skin>& skins, double tolerance, SkinChunks& chunks, Table<Coupling>& couplings,
                      Table<ContactSurface>& surfaces);
 
 /// Solves the thimbles that are due, in parallel.

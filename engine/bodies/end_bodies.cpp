@@ -193,8 +193,9 @@ void end_bodies(Work& w) {
             body.velocity = body.angular_momentum = body.contact_force = body.contact_torque = body.acceleration = {};
         } else {
             const Motion contact = b.inertia.gradient - b.gradient;
-            body.converged &= b.gradient.head<3>().norm() <=
-                              std::max(fitted::own_residual * contact.head<3>().norm(), fitted::own_rounding);
+            const double share = std::max(fitted::own_residual, 3 * w.solver.tolerance);
+            body.converged &=
+                b.gradient.head<3>().norm() <= std::max(share * contact.head<3>().norm(), fitted::own_rounding);
             const Vec3<double> before = body.velocity;
             body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * way;
             body.acceleration = (1 / w.solver.dt) * (body.velocity - before);

@@ -103,7 +103,7 @@ int pressed_from_inside(const SkinChunk<T>& c, int lane, const ContactSurface& o
 }
 
 template <class T>
-void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out) {
+void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, ContactSurface& out) {
     const SkinTopology& t = *c.topology;
     const int W = c.width;
     const Pose<double> bone = lane_bone(c, lane);
@@ -170,8 +170,8 @@ void extract(SkinChunk<T>& c, int lane, Coupling& coupling, ContactSurface& out)
     status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
     status.wrong_sides += nodes_behind(c, lane, out);
     // An island has converged as a whole: what little is left of its forces may be much of one finger's.
-    const bool unbalanced =
-        status.residual_N > std::max(fitted::own_residual * status.contact_force_N, fitted::own_rounding);
+    const double share = std::max(fitted::own_residual, 3 * tolerance);
+    const bool unbalanced = status.residual_N > std::max(share * status.contact_force_N, fitted::own_rounding);
     if (status.wrong_sides > 0 || unbalanced) status.converged = false;
     out.rough = !status.converged && status.contact_force_N > fitted::rough_from &&
                 status.residual_N > detail::fitted::rough_share * status.contact_force_N;
@@ -194,14 +194,15 @@ void add_slips(Table<ContactSurface>& surfaces) {
 
 }  // namespace
 
-void extract_contact(const Table<Skin>& skins, SkinChunks& chunks, Table<Coupling>& couplings,
+void extract_contact(const Table<Skin>& skins, double tolerance, SkinChunks& chunks, Table<Coupling>& couplings,
                      Table<ContactSurface>& surfaces) {
     for (std::size_t row = 0; row < surfaces.size(); ++row) {
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
         chunks.with(skin.single_precision, skin.chunk, [&](auto& chunk) {
-            if (!((chunk.unchanged_lanes >> skin.lane) & 1u)) extract(chunk, skin.lane, coupling, surfaces[row]);
+            if (!((chunk.unchanged_lanes >> skin.lane) & 1u))
+                extract(chunk, skin.lane, tolerance, coupling, surfaces[row]);
         });
     }
     add_slips(surfaces);
