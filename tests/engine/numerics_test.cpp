@@ -79,11 +79,18 @@ TEST(Svd, LanesAgreeWithScalarBitForBit) {
     }
 }
 
-TEST(BlockCholesky, SolvesARandomSystem) {
-    std::mt19937 random(4);
-    std::uniform_int_distribution<int> pick(0, 39);
+/// A random definite matrix and its pattern.
+struct RandomSystem {
+    static constexpr int size = 40;
+    BlockPattern pattern;
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3 * size, 3 * size);
+    LaneArray<double> blocks;
+};
+RandomSystem random_system(std::mt19937& random) {
+    constexpr int size = RandomSystem::size;
+    RandomSystem s;
+    std::uniform_int_distribution<int> pick(0, size - 1);
     std::normal_distribution<double> n;
-    const int size = 40;
     std::vector<std::vector<int>> adjacency(size);
     for (int k = 0; k < 90; ++k) {
         const int a = pick(random), b = pick(random);
@@ -91,22 +98,29 @@ TEST(BlockCholesky, SolvesARandomSystem) {
         adjacency[a].push_back(b);
         adjacency[b].push_back(a);
     }
-    BlockPattern pattern = factor_pattern(adjacency);
-    add_updates(pattern);
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3 * size, 3 * size);
-    LaneArray<double> blocks(9 * std::size_t(pattern.block_count), 0.0);
+    s.pattern = factor_pattern(adjacency);
+    add_updates(s.pattern);
+    s.blocks.resize(9 * std::size_t(s.pattern.block_count));
     for (int i = 0; i < size; ++i) {
         for (int j : adjacency[i])
-            if (j < i) A.block<3, 3>(3 * i, 3 * j) = Eigen::Matrix3d::NullaryExpr([&] { return n(random); });
-        A.block<3, 3>(3 * i, 3 * i) = 60 * Eigen::Matrix3d::Identity();
+            if (j < i) s.A.block<3, 3>(3 * i, 3 * j) = Eigen::Matrix3d::NullaryExpr([&] { return n(random); });
+        s.A.block<3, 3>(3 * i, 3 * i) = 60 * Eigen::Matrix3d::Identity();
     }
-    A = Eigen::MatrixXd(A.selfadjointView<Eigen::Lower>());
+    s.A = Eigen::MatrixXd(s.A.selfadjointView<Eigen::Lower>());
     for (int i = 0; i < size; ++i)
         for (int j = 0; j <= i; ++j) {
-            const int b = pattern.find(i, j);
+            const int b = s.pattern.find(i, j);
             if (b < 0) continue;
-            for (int k = 0; k < 9; ++k) blocks[9 * b + k] = A(3 * i + k / 3, 3 * j + k % 3);
+            for (int k = 0; k < 9; ++k) s.blocks[9 * b + k] = s.A(3 * i + k / 3, 3 * j + k % 3);
         }
+    return s;
+}
+
+TEST(BlockCholesky, SolvesARandomSystem) {
+    std::mt19937 random(4);
+    std::normal_distribution<double> n;
+    constexpr int size = RandomSystem::size;
+    const auto [pattern, A, blocks] = random_system(random);
     Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(3 * size, [&] { return n(random); });
     LaneArray<double> x(right.data(), right.data() + right.size());
     const SupernodeFactor f = build_supernodes(pattern);
@@ -118,6 +132,34 @@ TEST(BlockCholesky, SolvesARandomSystem) {
     solve_blocks<double>(pattern, factor.data(), x.data());
     EXPECT_LT((A * Eigen::Map<Eigen::VectorXd>(x.data(), 3 * size) - right).norm(), 1e-11 * right.norm());
     EXPECT_EQ(x, y);  // to the last bit
+}
+
+/// What a few changed blocks leave as it was is not factored again, and the factor is the same to the last bit.
+TEST(BlockCholesky, FactorsWhatFollowsOfChangedColumnsAlone) {
+    std::mt19937 random(5);
+    for (int trial = 0; trial < 20; ++trial) {
+        RandomSystem s = random_system(random);
+        const SupernodeFactor f = build_supernodes(s.pattern);
+        LaneArray<double> panels(f.panel_scalars, 0.0), work(f.work_scalars, 0.0), factor(s.blocks.size(), 0.0);
+        factor_supernodes<double>(f, s.pattern, s.blocks.data(), panels.data(), work.data());
+        factor_blocks<double>(s.pattern, s.blocks.data(), factor.data());
+        std::vector<unsigned char> changed(RandomSystem::size, 0);
+        for (int k = 0; k < 3; ++k) {
+            const int column = std::uniform_int_distribution<int>(0, RandomSystem::size - 1)(random);
+            for (int i = 0; i < 9; i += 4) s.blocks[9 * std::size_t(s.pattern.find(column, column)) + i] += 7;
+            changed[column] = 1;
+        }
+        mark_ancestors(s.pattern, changed.data());
+        auto factored = [&](const unsigned char* columns, LaneArray<double> to_panels, LaneArray<double> to_factor) {
+            factor_supernodes<double>(f, s.pattern, s.blocks.data(), to_panels.data(), work.data(), columns);
+            factor_blocks<double>(s.pattern, s.blocks.data(), to_factor.data(), columns);
+            return std::make_pair(to_panels, to_factor);
+        };
+        EXPECT_EQ(factored(changed.data(), panels, factor), factored(nullptr, panels, factor));
+        // Columns that are not marked are not touched.
+        const std::vector<unsigned char> none(RandomSystem::size, 0);
+        EXPECT_EQ(factored(none.data(), panels, factor), std::make_pair(panels, factor));
+    }
 }
 
 TEST(BlockCholesky, CountsPivotsThatAreNotPositive) {

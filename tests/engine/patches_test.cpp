@@ -152,6 +152,36 @@ double pressed_force(int n, int patch, double poisson) {
     return world.contact_surfaces[0].total.z;
 }
 
+/// Blocks that the factor alone fills are neither cleared nor read, and nothing is added to them.
+TEST(Patches, WhatTheFactorFillsIsNoPartOfTheMatrix) {
+    auto pressed = [](int width, double in_fill) {
+        Pose<double> bone = Pose<double>::identity();
+        bone.position.z = 0.0061;
+        auto chunk =
+            make_chunk<double>(patched_block(4, 3, 3), bone,
+                               {.width = width, .low = 0.9, .high = 1.1, .friction = true, .sample_refinement = 2});
+        testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5});
+        const BlockPattern& p = chunk.topology->pattern;
+        const auto numbers = 9 * std::size_t(width);
+        int filled = 0;
+        for (int b = 0; b < p.block_count; ++b)
+            if (!p.in_matrix(b))
+                std::fill_n(&chunk.scratch.blocks[std::size_t(b) * numbers], numbers, in_fill), ++filled;
+        EXPECT_GT(filled, p.block_count / 10);
+        for (int k = 1; k <= 12; ++k) {
+            bone.position.z -= 2e-4, bone.position.x += 5e-5;
+            testing::aim_all(chunk, 2000, 2, bone);
+            solve_skin(chunk, SolverSettings{});
+        }
+        EXPECT_GT(chunk.status[0].contact_force_N, 0.05);
+        for (int b = 0; b < p.block_count; ++b)
+            for (std::size_t i = 0; i < numbers && !p.in_matrix(b); ++i)
+                EXPECT_EQ(chunk.scratch.blocks[std::size_t(b) * numbers + i], in_fill);
+        return chunk.state.position;
+    };
+    for (int width : {1, 4}) EXPECT_EQ(pressed(width, 0), pressed(width, 1e3));
+}
+
 TEST(Patches, KeepCoarseMeshesFromLockingNearIncompressibility) {
     const double fine = pressed_force(8, 5, 0.49);
     const double patches = pressed_force(4, 5, 0.49), alone = pressed_force(4, 0, 0.49);

@@ -24,6 +24,7 @@ void resize_fields(SkinChunk<T>& c) {
     ContactSlots& s = c.contacts;
     s.slot.resize(std::size_t(s.capacity));
     s.lane_contact.resize(std::size_t(s.capacity * c.width));
+    c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     for_each_field(c, [&](auto& array, const Field& f) {
         array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),
                      typename std::remove_reference_t<decltype(array)>::value_type(f.first));

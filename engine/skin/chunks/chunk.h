@@ -94,6 +94,7 @@ struct SkinScratch {
     LaneArray<T>
         contact_normal;  ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
     LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation
+    std::vector<unsigned char> changed_columns;  ///< [column] of the matrix: 1 = not what the factor was made from
 };
 
 /// When the tissue of a lane is linearised: in steps whose number its period divides, which is a power of two, so that

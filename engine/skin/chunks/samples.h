@@ -79,6 +79,13 @@ inline void add_sample_block(const SkinTopology& t, ScalarOf<R>* blocks, std::si
         for (int b = 0; b <= a; ++b, ++k) add(f.block[k], R(T(f.weight[a] * f.weight[b])) * K);
 }
 
+/// Marks the columns of the Newton matrix that add_sample_block changes; the sample must be free.
+inline void mark_sample_columns(const SkinTopology& t, std::size_t s, std::vector<unsigned char>& changed) {
+    auto mark = [&](int node) { changed[std::size_t(t.elimination[std::size_t(node)])] = 1; };
+    if (s < t.samples.size()) return mark(t.samples[s]);
+    for (int node : t.face_samples[s - t.samples.size()].node) mark(node);
+}
+
 /// Whether a sample hangs on free nodes alone, and not on the bone.
 inline bool is_free_sample(const SkinTopology& t, std::size_t s) {
     return s >= t.samples.size() || t.elimination[t.samples[s]] >= 0;

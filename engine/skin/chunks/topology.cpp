@@ -208,6 +208,22 @@ void collect_patches(SkinTopology& t, const TetMesh& mesh) {
     }
 }
 
+/// Notes which blocks nothing is ever added to.
+void note_fill(SkinTopology& t) {
+    t.pattern.filled.assign(std::size_t(t.pattern.block_count), 1);
+    auto has = [&](int block) {
+        if (block < t.pattern.block_count) t.pattern.filled[std::size_t(block)] = 0;
+    };
+    for (const auto& destinations : t.element_block)
+        for (int block : destinations) has(block);
+    for (const auto& sample : t.face_samples)
+        for (int block : sample.block) has(block);
+    for (const auto& edge : t.bone_edges) has(edge.position), has(edge.rotation);
+    for (int block : t.patch_blocks) has(block);
+    for (int block : t.diagonal_block) has(block);
+    has(t.bone_cross_block);
+}
+
 }  // namespace
 
 SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_refinement) {
@@ -262,6 +278,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
     if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);
     t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
+    note_fill(t);
     return t;
 }
 

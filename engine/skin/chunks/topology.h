@@ -21,6 +21,10 @@ struct BlockPattern {
     std::vector<int> update_a;      ///< block(i,j) -= sum over updates of block a times block b^T
     std::vector<int> update_b;
 
+    std::vector<unsigned char> filled;  ///< [block_count] 1: only the factor has it, the matrix is zero; empty: unknown
+
+    /// Whether the matrix has a block.
+    bool in_matrix(int b) const { return filled.empty() || filled[std::size_t(b)] == 0; }
     /// Block number of (row, column), row >= column; -1 where the factor has none.
     int find(int row, int column) const;
 };

@@ -56,7 +56,7 @@ namespace detail {
 template <class R>
 inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* factor, int b) {
     constexpr int W9 = 9 * lane_width<R>;
-    Mat3<R> S = load_mat3<R>(blocks + static_cast<std::size_t>(b) * W9);
+    Mat3<R> S = p.in_matrix(b) ? load_mat3<R>(blocks + static_cast<std::size_t>(b) * W9) : Mat3<R>::zero();
     for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u)
         S = S - times_transposed(load_mat3<R>(factor + static_cast<std::size_t>(p.update_a[u]) * W9),
                                  load_mat3<R>(factor + static_cast<std::size_t>(p.update_b[u]) * W9));
@@ -65,13 +65,23 @@ inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, c
 
 }  // namespace detail
 
+/// Marks the columns of a factor that change with those that are marked: all that they are eliminated into, which
+/// are their ancestors in the elimination tree.
+inline void mark_ancestors(const BlockPattern& p, unsigned char* changed) {
+    for (int j = 0; j < p.columns; ++j)
+        if (changed[j] != 0 && p.column_start[j] + 1 < p.column_start[j + 1]) changed[p.row[p.column_start[j] + 1]] = 1;
+}
+
 /// Factors `blocks` into `factor`. Left-looking: each block gathers its updates in registers and is written once.
-/// Returns per lane the number of pivots that had to be replaced.
+/// `changed`: the columns that are not what they were in the last factorisation (mark_ancestors); null: all.
+/// Returns per lane the number of pivots that had to be replaced in the columns that it has factored.
 template <class R>
-inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarOf<R>* factor) {
+inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarOf<R>* factor,
+                       const unsigned char* changed = nullptr) {
     constexpr int W9 = 9 * lane_width<R>;
     R bad_pivots(0);
     for (int j = 0; j < p.columns; ++j) {
+        if (changed && changed[j] == 0) continue;
         Mat3<R> diagonal;
         for (int b = p.column_start[j]; b < p.column_start[j + 1]; ++b) {
             Mat3<R> S = detail::updated_block<R>(p, blocks, factor, b);

@@ -102,17 +102,22 @@ inline void factor_panel(const Supernode& s, ScalarOf<R>* panel, R& bad_pivots) 
 
 }  // namespace detail
 
-/// Factors the blocks of `p` into `panels` (panel_scalars). Returns the number of pivots that had to be replaced.
+/// Factors the blocks of `p` into `panels` (panel_scalars), as factor_blocks does: where no column of a supernode is
+/// marked, it stays.
 template <class R>
 inline R factor_supernodes(const SupernodeFactor& f, const BlockPattern& p, const ScalarOf<R>* blocks,
-                           ScalarOf<R>* panels, ScalarOf<R>* work) {
+                           ScalarOf<R>* panels, ScalarOf<R>* work, const unsigned char* changed = nullptr) {
     using T = ScalarOf<R>;
     using V = typename RowLanes<R>::type;
     R bad_pivots(0);
     for (const Supernode& s : f.supernodes) {
+        const unsigned char* first = changed + s.first_column;
+        if (changed && std::none_of(first, first + s.column_count, [](unsigned char mark) { return mark != 0; }))
+            continue;
         T* panel = panels + s.panel;
         std::fill(panel, panel + std::size_t(3 * s.column_count) * s.stride, T(0));
         for (int b = p.column_start[s.first_column]; b < p.column_start[s.first_column + s.column_count]; ++b) {
+            if (!p.in_matrix(b)) continue;
             const T* from = blocks + 9 * std::size_t(b);
             T* to = panels + f.block_offset[b];
             for (int i = 0; i < 9; ++i) to[std::size_t(i % 3) * s.stride + i / 3] = from[i];

@@ -330,7 +330,7 @@ void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         residual = select(mask, residual, Vec3<R>{R(0), R(0), R(0)});
         for (int k = 0; k < 9; ++k) change.m[k / 3][k % 3] = select(mask, change.m[k / 3][k % 3], R(0));
         squared += dot(residual, residual);
-        add_sample_block<R>(t, c.scratch.blocks.data(), i, change);
+        detail::change_sample_block<R>(c, i, change);
         store_vec3<R>(&c.scratch.sample_residual[i * W3], residual);
     }
     std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));

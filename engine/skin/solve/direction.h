@@ -10,15 +10,31 @@ namespace palpate {
 
 namespace detail {
 
-/// Factors the Newton matrix. Returns per lane the number of pivots that had to be replaced.
+/// Factors the Newton matrix, of its columns those that have changed since it was last factored. Returns per lane the
+/// number of pivots that had to be replaced in these.
 template <class R>
 inline R factor_matrix(SkinChunk<ScalarOf<R>>& c) {
     const SkinTopology& t = *c.topology;
+    auto& changed = c.scratch.changed_columns;
+    mark_ancestors(t.pattern, changed.data());
+    R bad_pivots;
     if constexpr (lane_width<R> == 1)
-        return factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(), c.scratch.panels.data(),
-                                    c.scratch.panel_work.data());
+        bad_pivots = factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(), c.scratch.panels.data(),
+                                          c.scratch.panel_work.data(), changed.data());
     else
-        return factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data());
+        bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data(), changed.data());
+    std::fill(changed.begin(), changed.end(), 0);
+    return bad_pivots;
+}
+
+/// Adds what has changed of a sample's curvature to the Newton matrix; the sample must be free.
+template <class R>
+inline void change_sample_block(SkinChunk<ScalarOf<R>>& c, std::size_t s, const Mat3<R>& change) {
+    MaskOf<R> none = R(0) <= R(0);
+    for (int i = 0; i < 9; ++i) none = none & (absolute(change.m[i / 3][i % 3]) <= R(0));  // not a number is a change
+    if (all(none)) return;
+    add_sample_block<R>(*c.topology, c.scratch.blocks.data(), s, change);
+    mark_sample_columns(*c.topology, s, c.scratch.changed_columns);
 }
 
 /// Solves L y = b, with the factor L, for the right-hand side in scratch.permuted, in place.
@@ -102,7 +118,7 @@ inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
         Mat3<R> change;
         for (int i = 0; i < 9; ++i)
             change.m[i / 3][i % 3] = select(lanes, curvature.m[i / 3][i % 3] - old.m[i / 3][i % 3], R(0));
-        add_sample_block<R>(t, c.scratch.blocks.data(), s, change);
+        change_sample_block<R>(c, s, change);
         store_vec3<R>(old_gradient, gradient);
         store_mat3<R>(old_curvature, curvature);
         store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
@@ -111,8 +127,9 @@ inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
 }
 
 /// Improves the direction where contacts open, close, stick or slide along it: Newton on the same linearised tissue
-/// with contact as it is. That costs a factorisation an iteration, but no element. Returns the slope; adds the pivots
-/// that had to be replaced: where contacts open, a matrix with exact or linear tissue may be indefinite.
+/// with contact as it is. That costs no element, and of a factorisation what follows of the contacts that change.
+/// Returns the slope; adds the pivots that had to be replaced: where contacts open, a matrix with exact or linear
+/// tissue may be indefinite.
 template <class R>
 inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, MaskOf<R> lanes, const R& exactness,
                          const R& residual, R slope, R& bad_pivots) {

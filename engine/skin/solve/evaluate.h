@@ -160,6 +160,19 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     }
 }
 
+/// Zeros in the blocks that something is added to (others are never anything else); all columns of the factor are then
+/// out of date.
+template <class R>
+inline void clear_matrix(SkinChunk<ScalarOf<R>>& c) {
+    constexpr std::size_t W9 = 9 * lane_width<R>;
+    const BlockPattern& pattern = c.topology->pattern;
+    auto* blocks = c.scratch.blocks.data();
+    for (int b = 0; b < pattern.block_count; ++b)
+        if (pattern.in_matrix(b)) store_mat3<R>(blocks + std::size_t(b) * W9, Mat3<R>::zero());
+    std::fill(blocks + std::size_t(pattern.block_count) * W9, blocks + c.scratch.blocks.size(), ScalarOf<R>(0));
+    std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
+}
+
 /// How far the limits' forces on the free nodes, and on the bone as a whole, are from their fixed point.
 template <class R>
 inline void add_pending_of_limits(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
@@ -185,7 +198,7 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), T(0));
     if (c.limits.met) std::fill(c.scratch.pending.begin(), c.scratch.pending.end(), T(0));
     c.limits.met = false;
-    if (with_matrix) std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), T(0));
+    if (with_matrix) detail::clear_matrix<R>(c);
     Evaluation<R> out;
     out.extent = load<R>(c.rest.extent.data());
     detail::add_tissue<want>(c, exactness, out);

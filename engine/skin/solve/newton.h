@@ -257,6 +257,7 @@ inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& damping) {
     const Mat3<R> block = (damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
     for (std::size_t u = 0; u + 2 < c.topology->unknowns.size(); ++u)
         add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[c.topology->unknowns[u]], block);
+    std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
 }
 
 /// Force that rounding of positions makes [N]: no residual can be asked to be below it.
