@@ -241,8 +241,8 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
             membranes |= !spec.fingers[a.fingers[k]].element_membrane.empty();
         }
         SkinChunk<T>& chunk = chunks.emplace_back();
-        allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()), has_bodies(spec), membranes);
         chunk.material = a.material;
+        allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()), has_bodies(spec), membranes);
         if (tissue_may_be_linear(spec, a)) allocate_linear_tissue(chunk);
         for (std::size_t k = first; k < last; ++k) {
             const int finger = a.fingers[k];

@@ -67,7 +67,7 @@ struct Stretched {
 };
 inline Stretched stretched(const SkinChunk<double>& c, std::size_t e) {
     Stretched s;
-    s.svd = signed_svd(detail::element_deformation<double>(c, e), load_mat3<double>(&c.state.svd_guess[9 * e]));
+    s.svd = signed_svd(detail::element_deformation<double>(c, e));
     for (int a = 0; a < 3; ++a) s.g[a] = load_vec3<double>(&c.rest.shape_gradients[9 * e + 3 * a]);
     s.volume = c.rest.volume[e];
     return s;

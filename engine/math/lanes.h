@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
+#include <utility>
 
 #if defined(__AVX__)
 #include <immintrin.h>
@@ -282,6 +283,62 @@ inline Part get_part(const Whole& whole, int k) {
 template <class Part, class Whole>
 inline void set_part(Whole& whole, int k, const Part& part) {
     std::memcpy(reinterpret_cast<char*>(&whole.v) + k * sizeof(part.v), &part.v, sizeof(part.v));
+}
+
+/// 32 bytes of numbers, as many as rows of a square that transpose_square turns in registers.
+template <class T>
+struct HalfRegisterOf {
+    typedef T Vector __attribute__((vector_size(32)));
+};
+template <class T>
+using HalfRegister = typename HalfRegisterOf<T>::Vector;
+inline void transpose_square(HalfRegister<double>* row) {
+    const auto a = __builtin_shufflevector(row[0], row[1], 0, 4, 2, 6),
+               c = __builtin_shufflevector(row[2], row[3], 0, 4, 2, 6);
+    const auto b = __builtin_shufflevector(row[0], row[1], 1, 5, 3, 7),
+               d = __builtin_shufflevector(row[2], row[3], 1, 5, 3, 7);
+    row[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5), row[2] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
+    row[1] = __builtin_shufflevector(b, d, 0, 1, 4, 5), row[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+}
+inline void transpose_square(HalfRegister<float>* row) {
+    HalfRegister<float> pair[8], quad[8];
+    for (int i = 0; i < 8; i += 2) {
+        pair[i] = __builtin_shufflevector(row[i], row[i + 1], 0, 8, 1, 9, 4, 12, 5, 13);
+        pair[i + 1] = __builtin_shufflevector(row[i], row[i + 1], 2, 10, 3, 11, 6, 14, 7, 15);
+    }
+    for (int i = 0; i < 8; i += 4)
+        for (int k = 0; k < 2; ++k) {
+            quad[i + 2 * k] = __builtin_shufflevector(pair[i + k], pair[i + k + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+            quad[i + 2 * k + 1] = __builtin_shufflevector(pair[i + k], pair[i + k + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+        }
+    for (int i = 0; i < 4; ++i) {
+        row[i] = __builtin_shufflevector(quad[i], quad[i + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+        row[i + 4] = __builtin_shufflevector(quad[i], quad[i + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+    }
+}
+
+/// A whole register of numbers p[offset[k]]; where it has no parts, lanes that begin there.
+template <class Part, class Whole>
+inline Whole gather_parts(const ScalarOf<Part>* p, const std::size_t* offset) {
+    if constexpr (std::is_same_v<Part, Whole>) {
+        return load<Part>(p + offset[0]);
+    } else {
+        static_assert(lane_width<Part> == 1);
+        return [&]<std::size_t... k>(std::index_sequence<k...>) {
+            return Whole(typename Whole::Vector{p[offset[k]]...});
+        }
+        (std::make_index_sequence<std::size_t(lane_width<Whole>)>{});
+    }
+}
+/// A whole register of one number; where it has no parts, the lanes themselves.
+template <class Whole, class Part>
+inline Whole repeat_part(const Part& part) {
+    if constexpr (std::is_same_v<Part, Whole>) {
+        return part;
+    } else {
+        static_assert(lane_width<Part> == 1);
+        return Whole(lane(part, 0));
+    }
 }
 
 /// A mask whose lane i is `bits` bit i.

@@ -146,8 +146,8 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
     const int width = chunk_width<float>(lanes_wanted);
     while (lane_count(m) < lanes_wanted) {
         SkinChunk<float>& c = m.chunks.emplace_back();
-        allocate_chunk(c, topology, width, skin.has_limits, false, 1, false, !skin.membrane_young.empty());
         c.material = material;
+        allocate_chunk(c, topology, width, skin.has_limits, false, 1, false, !skin.membrane_young.empty());
         for (int lane = 0; lane < width; ++lane) {
             set_lane(c, lane, lane_count(m), skin, Pose<double>::identity());
             m.lane_w.push_back(model.rest);

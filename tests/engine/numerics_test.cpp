@@ -4,23 +4,14 @@
 #include "engine/math/svd3.h"
 #include "engine/skin/factor/supernode_cholesky.h"
 #include "engine/skin/tissue/isotropic.h"
+#include "tests/engine/matrices.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
-Mat3<double> random_matrix(std::mt19937& random) {
-    std::normal_distribution<double> n;
-    Mat3<double> m;
-    for (int i = 0; i < 9; ++i) m.m[i / 3][i % 3] = n(random);
-    return m;
-}
-
-Eigen::Matrix3d eigen(const Mat3<double>& m) {
-    Eigen::Matrix3d e;
-    for (int i = 0; i < 9; ++i) e(i / 3, i % 3) = m.m[i / 3][i % 3];
-    return e;
-}
+using testing::eigen;
+using testing::random_matrix;
 
 void check_svd(const Mat3<double>& F) {
     const auto svd = signed_svd(F);

@@ -3,6 +3,7 @@
 #include "engine/skin/solve/evaluate.h"
 #include "engine/skin/solve/kernels.h"
 #include "engine/step.h"
+#include "meshes/patches.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -299,14 +300,23 @@ bool runs_here(const KernelSet& set) {
            (&set == &avx2_kernels && &best_kernels() == &avx512_kernels);
 }
 
-TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
-    const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
-    using Solve = void (*)(SkinChunk<double>&, const SolverSettings&);
+template <class T>
+const std::array<Kernel<T>, 3>& kernels_in(const KernelSet& set) {
+    if constexpr (sizeof(T) == 8)
+        return set.for_double;
+    else
+        return set.for_float;
+}
+
+template <class T>
+void expect_the_same_at_any_width(const TetMesh& mesh) {
+    using Solve = void (*)(SkinChunk<T>&, const SolverSettings&);
+    const auto topology = std::make_shared<SkinTopology>(build_topology(mesh));
     auto run = [&](int fingers, int width, Solve solve) {
         Pose<double> bone = Pose<double>::identity();
         bone.position.z = 0.0045;
-        SkinChunk<double> chunk;
-        allocate_chunk(chunk, std::make_shared<SkinTopology>(build_topology(mesh)), width, true, true, 1);
+        SkinChunk<T> chunk;
+        allocate_chunk(chunk, topology, width, true, true, 1);
         SkinParameters p;
         p.mesh = &mesh;
         p.has_limits = true;
@@ -324,20 +334,31 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
         for (int i = 0; i < 20; ++i) solve(chunk, SolverSettings{});
         return chunk;
     };
-    const auto reference = run(1, 1, plain_kernels.for_double[0].solve);
+    const auto reference = run(1, 1, kernels_in<T>(plain_kernels)[0].solve);
+    EXPECT_GT(reference.status[0].contact_force_N, 0.1);
     for (const KernelSet* set : {&plain_kernels, &avx2_kernels, &avx512_kernels}) {
-        for (const Kernel<double>& kernel : set->for_double) {
+        for (const Kernel<T>& kernel : kernels_in<T>(*set)) {
             const int width = kernel.width;
             if (width == 0 || !runs_here(*set)) continue;
             const auto alone = run(1, width, kernel.solve), beside = run(std::min(3, width), width, kernel.solve);
             for (std::size_t i = 0; i < reference.state.position.size(); ++i) {
-                EXPECT_EQ(reference.state.position[i], alone.state.position[i * width])
+                ASSERT_EQ(reference.state.position[i], alone.state.position[i * width])
                     << set->instructions << ", " << width << " lanes";
-                EXPECT_EQ(alone.state.position[i * width], beside.state.position[i * width]);
+                ASSERT_EQ(alone.state.position[i * width], beside.state.position[i * width])
+                    << set->instructions << ", " << width << " lanes";
             }
             EXPECT_EQ(reference.status[0].newton_iterations, beside.status[0].newton_iterations);
         }
     }
+}
+
+TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
+    TetMesh mesh = block_mesh(3, 2, 2, 0.004);
+    expect_the_same_at_any_width<double>(mesh);
+    expect_the_same_at_any_width<float>(mesh);
+    make_patches(mesh, 5);
+    expect_the_same_at_any_width<double>(mesh);
+    expect_the_same_at_any_width<float>(mesh);
 }
 
 TEST(Physics, SinglePrecisionAgreesWithDouble) {

@@ -24,6 +24,7 @@ void resize_fields(SkinChunk<T>& c) {
     ContactSlots& s = c.contacts;
     s.slot.resize(std::size_t(s.capacity));
     s.lane_contact.resize(std::size_t(s.capacity * c.width));
+    if (c.has_limits) c.scratch.noted_limits.reserve(c.topology->elements.size());
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     for_each_field(c, [&](auto& array, const Field& f) {
         array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),
@@ -119,7 +120,8 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
             c.linear.weight[e * W + lane] =
                 T(volume * linear_error_weight(G, E / (2 * (1 + nu)) + membrane_mu,
                                                E * nu / ((1 + nu) * (1 - 2 * nu)) + membrane_lambda));
-        for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
+        if (!c.state.svd_guess.empty())
+            for (int i = 0; i < 9; i += 4) c.state.svd_guess[(9 * e + i) * W + lane] = T(1);
     }
     for (std::size_t k = 0; k < t.patches.size(); ++k) {
         double compliance = 0;  // elements of unlike stiffness under one pressure

@@ -56,9 +56,15 @@ struct SkinState {
     LaneArray<T> tangential_multiplier;  ///< [slot][sample][xyz] in the object's frame [N]; empty without friction
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
     LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
-    LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps
+    LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps; empty if corotational
     LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (newton.h)
     LaneArray<T> penalty_scale;    ///< [2] of limits, of contacts: grow where their multipliers converge slowly
+};
+
+/// An element that may be at a strain limit, or bears one's multiplier, in some lanes (bits).
+struct NotedLimit {
+    int element;
+    unsigned lanes;
 };
 
 /// Work memory of a step. Of it, only what the step is given (bone_springs) and what is read after it (gradient, and
@@ -93,8 +99,9 @@ struct SkinScratch {
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]
     LaneArray<T>
         contact_normal;  ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
-    LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation
+    LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation; empty if corotational
     std::vector<unsigned char> changed_columns;  ///< [column] of the matrix: 1 = not what the factor was made from
+    std::vector<NotedLimit> noted_limits;  ///< of the running evaluation; memory for every element where limits are
 };
 
 /// When the tissue of a lane is linearised: in steps whose number its period divides, which is a power of two, so that

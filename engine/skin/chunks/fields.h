@@ -37,6 +37,7 @@ inline bool stays_with_finger(const Field& f) { return f.role != Role::scratch; 
 struct FieldSizes {
     std::size_t E, N, S;  ///< elements, nodes, samples
     std::size_t unknowns, everything;
+    std::size_t decomposed;    ///< elements of a material that is a function of principal stretches
     std::size_t membranes;     ///< elements that may have one
     std::size_t limited;       ///< elements with strain limits
     std::size_t samples;       ///< samples that can touch something
@@ -50,6 +51,7 @@ struct FieldSizes {
           S(c.topology->sample_count()),
           unknowns(c.topology->unknowns.size()),
           everything(3 * (N + 2)),
+          decomposed(c.material == Material::corotational ? 0 : E),
           membranes(c.has_membranes ? E : 0),
           limited(c.has_limits ? E : 0),
           samples(c.contacts.capacity > 0 ? S : 0),
@@ -106,7 +108,7 @@ void for_each_state_field(Chunk& c, Visit visit) {
     visit(s.tangential_multiplier, Field{state, slot, 3 * n.rubbing});
     visit(s.friction_radius, Field{state, slot, n.rubbing});
     visit(s.friction_normal, Field{state, slot, 3 * n.rubbing});
-    visit(s.svd_guess, Field{state, lane, 9 * n.E});
+    visit(s.svd_guess, Field{state, lane, 9 * n.decomposed});
     visit(s.tangled_steps, Field{state, lane, 1});
     visit(s.penalty_scale, Field{state, lane, 2, 1});
 }
@@ -146,7 +148,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.normal_candidate, Field{output, slot, n.S});
     visit(w.tangential_candidate, Field{output, slot, 3 * n.rubbing});
     visit(w.contact_normal, Field{scratch, slot, 3 * n.rubbing});
-    visit(w.svd, Field{scratch, lane, 9 * n.E});
+    visit(w.svd, Field{scratch, lane, 9 * n.decomposed});
 }
 
 /// What is exchanged with bodies.

@@ -161,9 +161,9 @@ inline void restore_inactive(SkinChunk<ScalarOf<R>>& c) {
     };
     restore(c.state.position, c.scratch.start_position, active_lanes(c));
     restore(c.state.bone, c.scratch.start_bone, active_lanes(c));
-    // Linear tissue decomposes nothing.
+    // Corotational and linear tissue decompose nothing.
     const unsigned decomposed = active_lanes(c) & ~c.linear_lanes;
-    if (decomposed == 0) return;
+    if (decomposed == 0 || c.scratch.svd.empty()) return;
     restore(c.scratch.svd, c.state.svd_guess, decomposed);
     std::swap(c.state.svd_guess, c.scratch.svd);
 }
@@ -217,7 +217,7 @@ inline void reset_lanes(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
         clear(*a);
     for (T* scale : {&c.state.penalty_scale[0], &c.state.penalty_scale[W]})
         store<R>(scale, select(lanes, R(1), load<R>(scale)));
-    for (std::size_t i = 0; i < 9 * t.elements.size(); ++i)
+    for (std::size_t i = 0; i < c.scratch.svd.size() / W; ++i)
         store<R>(&c.scratch.svd[i * W], select(lanes, R(i % 9 % 4 == 0 ? T(1) : T(0)), load<R>(&c.scratch.svd[i * W])));
 }
 

@@ -183,39 +183,25 @@ struct ElementRequest {
     bool watches = false;
 };
 
-/// Elasticity and strain limit of one element with deformation gradient F.
+/// Elasticity and strain limit of one element with deformation gradient F, of a material that needs its stretches
+/// (corotational.h has the one that does not).
 template <Want want, class R>
 inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
                         const ElementRequest<R>& request, Evaluation<R>& out) {
     const R& exactness = request.exactness;
     constexpr int W = lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    const auto& nodes = t.elements[e];
-    Vec3<R> g[3], force[4];
+    Vec3<R> g[3];
     for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
     const R volume = load<R>(&c.rest.volume[e * W]);
     store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
 
     const R mu = load<R>(&c.rest.mu[e * W]), lambda = load<R>(&c.rest.lambda[e * W]);
-    if (c.material == Material::saint_venant_kirchhoff) {
+    if (c.material == Material::saint_venant_kirchhoff)
         add_elasticity<want>(c, e, svd, g, volume, saint_venant_kirchhoff<Curvature::exact>(svd.sigma, mu, lambda),
                              saint_venant_kirchhoff<Curvature::positive>(svd.sigma, mu, lambda), exactness, out);
-    } else if (c.material == Material::neo_hookean) {
+    else
         add_elasticity<want>(c, e, svd, g, volume, neo_hookean<Curvature::exact>(svd.sigma, mu, lambda),
                              neo_hookean<Curvature::positive>(svd.sigma, mu, lambda), exactness, out);
-    } else {
-        const PrincipalTerms<R> elastic =
-            blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, lambda),
-                            corotational<Curvature::positive>(svd.sigma, mu, lambda), exactness);
-        out.energy += volume * elastic.energy;
-        const PrincipalGradients<R> principal = principal_gradients(svd, g);
-        principal_force(svd, principal, elastic.stress, volume, force);
-        for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
-        if constexpr (want == Want::forces_and_matrix)
-            add_corotational_stiffness(svd, principal, elastic.twist, mu, lambda, volume, [&](int k) {
-                return &c.scratch.blocks[static_cast<std::size_t>(t.element_block[e][k]) * 9 * W];
-            });
-    }
     if (!c.has_limits) return;
     if (request.watches) watch_strain_limit(c, e, svd.sigma, request.watched, out);
     add_strain_limit<want>(c, e, F, svd, g, volume, request.limit_exactness, request.limits, out);

@@ -124,18 +124,19 @@ inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const
         const Mat3<R> F = element_deformation<R>(c, e);
         Vec3<R> g[3];
         for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
-        add_strain_limit<want>(c, e, F, signed_svd(F, load_mat3<R>(&c.state.svd_guess[9 * e * W])), g,
-                               load<R>(&c.rest.volume[e * W]), exactness, watched, out);
+        add_strain_limit<want>(c, e, F, signed_svd(F), g, load<R>(&c.rest.volume[e * W]), exactness, watched, out);
     }
 }
 
 /// All elements as they are, one by one or in patches, with their membranes.
 template <Want want, class R>
 inline void add_all_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
-    if (c.topology->patches.empty())
-        add_elements<want>(c, request, out);
-    else
+    if (!c.topology->patches.empty())
         add_patches<want>(c, request, out);
+    else if (c.material == Material::corotational)
+        add_corotational_elements<want>(c, request, out);
+    else
+        add_elements<want>(c, request, out);
     if (c.has_membranes) add_membranes<want>(c, request.exactness, out);
 }
 

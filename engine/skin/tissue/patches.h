@@ -5,95 +5,78 @@
 // 1/bulk = sum of volume/lambda: the mean-dilatation method (Nagtegaal, Parks & Rice 1974; de Souza Neto et al. 2005,
 // F-bar patches) with corotational strain.
 
-#include "engine/skin/tissue/elements.h"
+#include "engine/skin/tissue/corotational.h"
 
 namespace palpate::detail {
 
-/// Deformation gradients of a patch's elements, decomposed.
+/// Adds the volume term's part that couples the nodes of a patch: bulk times the outer product of the dilatation's
+/// slope [m^2] with itself.
 template <class R>
-struct PatchState {
-    Mat3<R> F[most_patch_elements];
-    SignedSvd<R> svd[most_patch_elements];
-};
-
-template <class R>
-inline void decompose_patch(const SkinChunk<ScalarOf<R>>& c, const VolumePatch& p, PatchState<R>& out) {
-    constexpr int W = lane_width<R>;
-    auto guess = [&](int k) { return load_mat3<R>(&c.state.svd_guess[9 * std::size_t(p.first + k) * W]); };
-    for (int k = 0; k < p.count; ++k) out.F[k] = element_deformation<R>(c, std::size_t(p.first + k));
-    if constexpr (shares_register<R>) {
-        constexpr int batch = lane_width<typename WholeRegister<R>::type> / W;
-        for (int first = 0; first < p.count; first += batch) {
-            const int n = std::min(batch, p.count - first);
-            Mat3<R> guesses[batch];
-            for (int k = 0; k < n; ++k) guesses[k] = guess(first + k);
-            signed_svds<R>(out.F + first, guesses, n, out.svd + first);
-        }
-    } else {
-        for (int k = 0; k < p.count; ++k) out.svd[k] = signed_svd(out.F[k], guess(k));
+inline void add_patch_blocks(SkinChunk<ScalarOf<R>>& c, const VolumePatch& patch, const Vec3<R>* slope, const R& bulk) {
+    const int* block = &c.topology->patch_blocks[std::size_t(patch.first_block)];
+    for (int a = 0; a < patch.node_count; ++a) {
+        const Vec3<R> weighted = bulk * slope[a];
+        for (int b = 0; b <= a; ++b, ++block) add_block<R>(c.scratch.blocks.data(), *block, outer(weighted, slope[b]));
     }
 }
 
-/// Elasticity and strain limits of the elements of one patch.
+/// Elasticity of the elements of one patch; notes strain limits.
 template <Want want, class R>
 inline void add_patch(SkinChunk<ScalarOf<R>>& c, std::size_t number, const ElementRequest<R>& request,
                       Evaluation<R>& out) {
     using T = ScalarOf<R>;
-    constexpr int W = lane_width<R>;
+    using Q = RegisterOf<R>;
+    constexpr int W = lane_width<R>, step = elements_at_once<R>;
     const SkinTopology& t = *c.topology;
     const VolumePatch& patch = t.patches[number];
-    PatchState<R> s;
-    decompose_patch<R>(c, patch, s);
-
+    auto group = [&](int k) {
+        return ElementGroup<R, Q>(std::size_t(patch.first + k), std::min(step, patch.count - k));
+    };
+    Corotated<Q> state[(most_patch_elements + step - 1) / step];
     R dilatation(0);  // [m^3]
-    for (int k = 0; k < patch.count; ++k) {
-        const Vec3<R>& sigma = s.svd[k].sigma;
-        dilatation += load<R>(&c.rest.volume[std::size_t(patch.first + k) * W]) * (sigma.x + sigma.y + sigma.z - R(3));
+    const int groups = (patch.count + step - 1) / step;
+    for (int n = 0; n < groups; n += rotations_at_once)
+        corotate<R, Q>(
+            c, std::min(rotations_at_once, groups - n), [&](int i) { return group((n + i) * step); }, state + n);
+    for (int k = 0; k < patch.count; k += step) {
+        const Corotated<Q>& s = state[k / step];
+        const Q change = s.volume * s.stretch;
+        for (int i = 0; i < std::min(step, patch.count - k); ++i) dilatation += part_of<R>(change, i);
     }
-    const R bulk = load<R>(&c.rest.patch_bulk[number * W]);
-    const R pressure = bulk * dilatation;
+    const R bulk = load<R>(&c.rest.patch_bulk[number * W]), pressure = bulk * dilatation;
     out.energy += R(T(0.5)) * pressure * dilatation;
 
-    Vec3<R> slope[4 * most_patch_elements];  // of the dilatation, per node [m^2]
+    Vec3<R> slope[4 * most_patch_elements];
     for (int a = 0; a < patch.node_count; ++a) slope[a] = {R(0), R(0), R(0)};
-    for (int k = 0; k < patch.count; ++k) {
-        const auto e = std::size_t(patch.first + k);
-        const SignedSvd<R>& svd = s.svd[k];
-        Vec3<R> g[3], force[4];
-        for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * std::size_t(a)) * W]);
-        const R volume = load<R>(&c.rest.volume[e * W]), mu = load<R>(&c.rest.mu[e * W]);
-        store_mat3<R>(&c.scratch.svd[9 * e * W], svd.V);
-        const PrincipalTerms<R> elastic =
-            blend_curvature(corotational<Curvature::exact>(svd.sigma, mu, R(0), pressure),
-                            corotational<Curvature::positive>(svd.sigma, mu, R(0), pressure), request.exactness);
-        out.energy += volume * elastic.energy;
-        const PrincipalGradients<R> principal = principal_gradients(svd, g);
-        principal_force(svd, principal, elastic.stress, volume, force);
-        const auto& nodes = t.elements[e];
-        for (int a = 0; a < 4; ++a) add_vec3<R>(&c.scratch.gradient[3 * nodes[a] * W], force[a]);
+    for (int k = 0; k < patch.count; k += step) {
+        const ElementGroup<R, Q> elements = group(k);
+        const Corotated<Q>& s = state[k / step];
+        const Q mu = elements.load(c.rest.mu), energy = shape_energy(s, mu);
+        for (int i = 0; i < elements.count; ++i) out.energy += part_of<R>(energy, i);
+        Vec3<Q> r[3];
+        add_corotated<want, R, Q>(c, elements, s, mu, Q(0), repeat_part<Q>(pressure), repeat_part<Q>(request.exactness),
+                                  r);
+        if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
         if constexpr (want == Want::forces_and_matrix) {
-            add_corotational_stiffness(svd, principal, elastic.twist, mu, R(0), volume, [&](int b) {
-                return &c.scratch.blocks[std::size_t(t.element_block[e][std::size_t(b)]) * 9 * W];
-            });
-            for (int a = 0; a < 4; ++a) slope[t.element_place[e][a]] += volume * (svd.U * principal.ghat[a]);
-        }
-        if (!c.has_limits) continue;
-        if (request.watches) watch_strain_limit(c, e, svd.sigma, request.watched, out);
-        add_strain_limit<want>(c, e, s.F[k], svd, g, volume, request.limit_exactness, request.limits, out);
-    }
-    if constexpr (want == Want::forces_and_matrix) {
-        const int* block = &t.patch_blocks[std::size_t(patch.first_block)];
-        for (int a = 0; a < patch.node_count; ++a) {
-            const Vec3<R> weighted = bulk * slope[a];
-            for (int b = 0; b <= a; ++b, ++block)
-                add_block<R>(c.scratch.blocks.data(), *block, outer(weighted, slope[b]));
+            for (auto& v : r) v = s.volume * v;
+            for (int i = 0; i < elements.count; ++i) {
+                const auto& place = t.element_place[elements.first + std::size_t(i)];
+                for (std::size_t a = 0; a < 3; ++a) {
+                    const Vec3<R> of_node{part_of<R>(r[a].x, i), part_of<R>(r[a].y, i), part_of<R>(r[a].z, i)};
+                    slope[place[a + 1]] += of_node;
+                    slope[place[0]] -= of_node;
+                }
+            }
         }
     }
+    if constexpr (want == Want::forces_and_matrix) add_patch_blocks<R>(c, patch, slope, bulk);
 }
 
 template <Want want, class R>
 inline void add_patches(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+    begin_limits<R>(c, request.limits);
     for (std::size_t k = 0; k < c.topology->patches.size(); ++k) add_patch<want>(c, k, request, out);
+    if (c.has_limits) add_noted_limits<want>(c, request, out);
 }
 
 }  // namespace palpate::detail

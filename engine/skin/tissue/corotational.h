@@ -1,0 +1,355 @@
+#pragma once
+// Corotational tissue without singular values: Psi = mu |S - I|^2 + lambda/2 tr(S - I)^2 with F = R S, forces from the
+// rotation R alone. With G = tr(S) I - S, r_a = R g_a and kappa = pressure - 2 mu (pressure = lambda tr(S - I)),
+//   K_ab = volume (2 mu ga.gb I + lambda r_a r_b^T + kappa [r_a]^T R G^-1 R^T [r_b]),   [r] v = r x v,
+// whose last term is what turning costs: G's eigenvalues are sums of two stretches, never negative, and the stiffness
+// against a turn is 2 mu + 2 kappa / (such a sum). So it is positive semidefinite where kappa is positive, and
+// elsewhere where no eigenvalue of G is below -kappa / mu; for a definite matrix, they are raised to that (McAdams et
+// al. 2011 clamp the same in the frame of the singular vectors).
+//
+// A register holds the same elements of several fingers, or several elements of one; all are added to the nodes in
+// their own order, so that a finger is the same bits alone or beside others.
+
+#include "engine/math/polar3.h"
+#include "engine/skin/tissue/elements.h"
+
+namespace palpate::detail {
+
+/// A finger alone has a register of its elements side by side; several fingers are side by side themselves.
+template <class R>
+using RegisterOf = std::conditional_t<shares_register<R> && lane_width<R> == 1, typename WholeRegister<R>::type, R>;
+/// How many elements it holds.
+template <class R>
+inline constexpr int elements_at_once = lane_width<RegisterOf<R>> / lane_width<R>;
+
+/// Elements first ... first + count - 1 as a register Q holds them; further parts repeat the last.
+template <class R, class Q>
+struct ElementGroup {
+    std::size_t first = 0;
+    int count = 0;
+    std::array<std::size_t, elements_at_once<R>> number;
+
+    ElementGroup(std::size_t first_element, int n) : first(first_element), count(n) {
+        for (int k = 0; k < elements_at_once<R>; ++k) number[std::size_t(k)] = first + std::size_t(std::min(k, n - 1));
+    }
+    /// Number `i` of the `size` that an array has for each element.
+    Q load(const LaneArray<ScalarOf<R>>& array, std::size_t size = 1, std::size_t i = 0) const {
+        std::array<std::size_t, elements_at_once<R>> offset;
+        for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = size * number[k] * lane_width<R>;
+        return gather_parts<R, Q>(array.data() + i * lane_width<R>, offset.data());
+    }
+    Vec3<Q> load_node(const LaneArray<ScalarOf<R>>& array, const SkinTopology& t, int a) const {
+        std::array<std::size_t, elements_at_once<R>> offset;
+        for (std::size_t k = 0; k < offset.size(); ++k)
+            offset[k] = std::size_t(3 * t.elements[number[k]][std::size_t(a)]) * lane_width<R>;
+        const ScalarOf<R>* p = array.data();
+        return {gather_parts<R, Q>(p, offset.data()), gather_parts<R, Q>(p + lane_width<R>, offset.data()),
+                gather_parts<R, Q>(p + 2 * lane_width<R>, offset.data())};
+    }
+};
+
+/// Elements turned back: F = R (I + E).
+template <class Q>
+struct Corotated {
+    Mat3<Q> rotation;
+    Mat3<Q> strained;      ///< F - R
+    Symmetric3<Q> strain;  ///< E
+    Q stretch;             ///< tr E
+    Vec3<Q> g[3];          ///< shape gradients of nodes 1..3 [1/m]
+    Q volume;
+};
+
+/// What follows of the rotation and of F, which is in `strained` before.
+template <class Q>
+inline void finish_corotated(Corotated<Q>& s, const Mat3<Q>& rotation) {
+    s.rotation = rotation;
+    s.strained = s.strained - rotation;
+    auto along = [&](int i, int j) { return dot(s.rotation.column(i), s.strained.column(j)); };
+    s.strain = {along(0, 0), along(0, 1), along(1, 1), along(0, 2), along(1, 2), along(2, 2)};
+    s.stretch = trace(s.strain);
+}
+
+/// Turns back up to rotations_at_once groups of elements.
+template <class R, class Q, class Group>
+inline void corotate(const SkinChunk<ScalarOf<R>>& c, int count, Group group, Corotated<Q>* out) {
+    Mat3<Q> F[rotations_at_once], rotation[rotations_at_once];
+    for (int n = 0; n < count; ++n) {
+        const ElementGroup<R, Q> elements = group(n);
+        Corotated<Q>& s = out[n];
+        Vec3<Q> x[4];
+        for (int a = 0; a < 4; ++a) x[a] = elements.load_node(c.state.position, *c.topology, a);
+        for (std::size_t a = 0; a < 3; ++a)
+            for (std::size_t i = 0; i < 3; ++i) s.g[a][int(i)] = elements.load(c.rest.shape_gradients, 9, 3 * a + i);
+        s.volume = elements.load(c.rest.volume);
+        s.strained = F[n] = deformation_gradient(x, s.g);
+    }
+    nearest_rotations(F, count, rotation);
+    for (int n = 0; n < count; ++n) finish_corotated(out[n], rotation[n]);
+}
+
+/// Nodal forces (gradients) dE/dx_a of nodes 0..3 [N].
+template <class Q>
+inline void corotational_force(const Corotated<Q>& s, const Q& mu, const Q& pressure, Vec3<Q> out[4]) {
+    const Q twice_mu = Q(2) * mu * s.volume, around = pressure * s.volume;
+    Mat3<Q> P;
+    for (int i = 0; i < 9; ++i)
+        P.m[i / 3][i % 3] = around * s.rotation.m[i / 3][i % 3] + twice_mu * s.strained.m[i / 3][i % 3];
+    for (int a = 0; a < 3; ++a) out[a + 1] = P * s.g[a];
+    out[0] = -(out[1] + out[2] + out[3]);
+}
+
+/// kappa G^-1, without what would make the stiffness indefinite where exactness is 0.
+template <class Q>
+inline Symmetric3<Q> turning_weight(const Corotated<Q>& s, const Q& mu, const Q& pressure, const Q& exactness) {
+    const Q least(ScalarOf<Q>(1e-6)), zero(0), two(2);
+    const Q kappa = pressure - two * mu, floor = maximum(two - pressure / mu, zero);
+    const Symmetric3<Q> minus_strain = Q(-1) * s.strain, G = plus_diagonal(two + s.stretch, minus_strain);
+    // The positive part of what G is above the floor. Where kappa is positive nothing has to be raised.
+    const Symmetric3<Q> above = plus_diagonal(two + s.stretch - floor, minus_strain);
+    const Symmetric3<Q> raised = plus_diagonal(floor, positive_part_bound(above));
+    const Symmetric3<Q> W = kappa * inverse_of_positive(select(kappa > zero, G, raised), least);
+    if (!any(exactness > zero)) return W;
+    return W + exactness * (kappa * inverse_of_positive(G, least) - W);
+}
+
+/// Stiffness blocks of an element: emit(k, block) of each k of block_pair [N/m]; `r` are the turned shape gradients,
+/// R g_a.
+template <class Q, class Emit>
+inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], const Q& mu, const Q& lambda,
+                                   const Q& pressure, const Q& exactness, Emit emit) {
+    const Symmetric3<Q> W = s.volume * turning_weight(s, mu, pressure, exactness);
+    const Mat3<Q>& A = s.rotation;
+    const Mat3<Q> full{{{W.xx, W.xy, W.xz}, {W.xy, W.yy, W.yz}, {W.xz, W.yz, W.zz}}};
+    const Mat3<Q> M = times_transposed(A * full, A);  // symmetric but for its rounding: its lower half counts
+    const Vec3<Q> row[3] = {
+        {M.m[0][0], M.m[1][0], M.m[2][0]}, {M.m[1][0], M.m[1][1], M.m[2][1]}, {M.m[2][0], M.m[2][1], M.m[2][2]}};
+    const Q direct = Q(2) * mu * s.volume, bulk = lambda * s.volume;
+    // Moving all four nodes costs nothing: rows add up to zero.
+    Mat3<Q> of_first[3] = {Mat3<Q>::zero(), Mat3<Q>::zero(), Mat3<Q>::zero()};  // minus the blocks of node 0
+    for (int b = 0; b < 3; ++b) {
+        const Vec3<Q> N[3] = {cross(row[0], r[b]), cross(row[1], r[b]), cross(row[2], r[b])};
+        const Vec3<Q> stretched = bulk * r[b];
+        for (int a = b; a < 3; ++a) {
+            const Q diagonal = direct * dot(r[a], r[b]);
+            Mat3<Q> K;
+            for (int i = 0; i < 3; ++i) {
+                const int p = (i + 1) % 3, q = (i + 2) % 3;
+                for (int j = 0; j < 3; ++j) {
+                    if (a == b && j > i) continue;
+                    const Q turned = N[p][j] * r[a][q] - N[q][j] * r[a][p];
+                    const Q k = turned + r[a][i] * stretched[j];
+                    K.m[i][j] = i == j ? k + diagonal : k;
+                    if (a == b) K.m[j][i] = K.m[i][j];
+                }
+            }
+            emit((a + 1) * (a + 2) / 2 + b + 1, K);
+            of_first[a] = of_first[a] + K;
+            if (a != b) of_first[b] = of_first[b] + transpose(K);
+        }
+    }
+    Mat3<Q> corner = of_first[0] + of_first[1] + of_first[2];
+    for (int i = 0; i < 3; ++i)
+        for (int j = i + 1; j < 3; ++j) corner.m[i][j] = corner.m[j][i];
+    emit(0, corner);
+    for (int a = 0; a < 3; ++a) emit((a + 1) * (a + 2) / 2, Q(-1) * of_first[a]);
+}
+
+/// Part k of what a register holds.
+template <class R, class Q>
+inline R part_of(const Q& whole, int k) {
+    if constexpr (std::is_same_v<R, Q>)
+        return whole;
+    else
+        return R(lane(whole, k));
+}
+
+/// What the elements of a register add to a finger alone: forces on their nodes, then stiffness of their node pairs.
+template <class Q>
+struct ElementSums {
+    static constexpr std::size_t stiffness = 16, count = 112;  // in squares of 8
+    std::array<Q, count> number;
+
+    ElementSums() {
+        for (std::size_t i = 12; i < stiffness; ++i) number[i] = Q(0);
+        for (std::size_t i = stiffness + 90; i < count; ++i) number[i] = Q(0);
+    }
+};
+
+/// Adds the first `count` of them (no more than forces: ElementSums::stiffness) to the chunk. Element after element: a
+/// sum of a node's is then the same in whatever register its elements were.
+template <Want want, class R, class Q>
+inline void add_element_sums(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements,
+                             const ElementSums<Q>& sums) {
+    using T = ScalarOf<R>;
+    using Row = HalfRegister<T>;
+    constexpr std::size_t side = sizeof(Row) / sizeof(T), lanes = elements_at_once<R>, numbers = ElementSums<Q>::count;
+    constexpr std::size_t used = want == Want::forces ? ElementSums<Q>::stiffness : numbers;
+    // What a register holds of all elements becomes what memory holds of each.
+    alignas(64) std::array<T, lanes * numbers> of_element;
+    for (std::size_t i = 0; i < used; i += side)
+        for (std::size_t first = 0; first < lanes; first += side) {
+            Row row[side];
+            for (std::size_t k = 0; k < side; ++k)
+                std::memcpy(&row[k], reinterpret_cast<const T*>(&sums.number[i + k].v) + first, sizeof(Row));
+            transpose_square(row);
+            for (std::size_t k = 0; k < side; ++k)
+                std::memcpy(&of_element[(first + k) * numbers + i], &row[k], sizeof(Row));
+        }
+    T* gradient = c.scratch.gradient.data();
+    for (std::size_t k = 0; k < std::size_t(elements.count); ++k) {
+        const T* from = &of_element[k * numbers];
+        const auto& nodes = c.topology->elements[elements.first + k];
+        for (std::size_t a = 0; a < 4; ++a)
+            for (int i = 0; i < 3; ++i) gradient[3 * nodes[a] + i] += from[3 * a + std::size_t(i)];
+        if constexpr (want == Want::forces_and_matrix) {
+            from += ElementSums<Q>::stiffness;
+            for (int block : c.topology->element_block[elements.first + k]) {
+                T* to = &c.scratch.blocks[9 * std::size_t(block)];
+                for (std::size_t i = 0; i < 8; i += side) {
+                    Row sum, term;
+                    std::memcpy(&sum, to + i, sizeof(Row));
+                    std::memcpy(&term, from + i, sizeof(Row));
+                    sum += term;
+                    std::memcpy(to + i, &sum, sizeof(Row));
+                }
+                to[8] += from[8];
+                from += 9;
+            }
+        }
+    }
+}
+
+/// Elements that may be at a strain limit, or bear one's multiplier, are noted: add_noted_limits takes them in turn.
+template <class R, class Q>
+inline void note_limits(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
+                        bool watches) {
+    constexpr int W = lane_width<R>;
+    const Q one(1), low = elements.load(c.rest.limit_low), high = elements.load(c.rest.limit_high);
+    const MaskOf<Q> within = positive_definite(plus_diagonal(one - low, s.strain)) &
+                             positive_definite(plus_diagonal(high - one, Q(-1) * s.strain));
+    const unsigned beyond = bits_from_mask<Q>(!within);
+    if (beyond == 0 && c.limits.unloaded && !watches) return;
+    for (int k = 0; k < elements.count; ++k) {
+        const std::size_t e = elements.first + std::size_t(k);
+        unsigned lanes = (beyond >> (k * W)) & ((1u << W) - 1);
+        if (!c.limits.unloaded) {
+            R largest(0);
+            for (std::size_t i = 0; i < 9; ++i)
+                largest = maximum(absolute(load<R>(&c.state.limit_multiplier[(9 * e + i) * W])), largest);
+            lanes |= bits_from_mask<R>(largest > R(0));
+        }
+        if (lanes != 0 || watches) c.scratch.noted_limits.push_back({int(e), lanes});
+    }
+}
+
+/// Strain limits of the elements that were noted.
+template <Want want, class R>
+inline void add_noted_limits(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const auto& noted = c.scratch.noted_limits;
+    for (std::size_t n = 0; n < noted.size(); n += elements_at_once<R>) {
+        const int count = std::min(elements_at_once<R>, int(noted.size() - n));
+        Mat3<R> F[elements_at_once<R>], guess[elements_at_once<R>];
+        SignedSvd<R> svd[elements_at_once<R>];
+        for (int k = 0; k < count; ++k) {
+            F[k] = element_deformation<R>(c, std::size_t(noted[n + std::size_t(k)].element));
+            guess[k] = Mat3<R>::identity();
+        }
+        if constexpr (shares_register<R>)
+            signed_svds<R>(F, guess, count, svd);
+        else
+            svd[0] = signed_svd(F[0]);
+        for (int k = 0; k < count; ++k) {
+            const auto [element, lanes] = noted[n + std::size_t(k)];
+            const auto e = std::size_t(element);
+            if (request.watches) watch_strain_limit(c, e, svd[k].sigma, request.watched, out);
+            if (lanes == 0) continue;
+            Vec3<R> g[3];
+            for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * std::size_t(a)) * W]);
+            add_strain_limit<want>(c, e, F[k], svd[k], g, load<R>(&c.rest.volume[e * W]), request.limit_exactness,
+                                   request.limits & mask_from_bits<R>(lanes), out);
+        }
+    }
+}
+
+/// Forgets what was noted; updated multipliers of elements that are not at a limit are zero.
+template <class R>
+inline void begin_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
+    c.scratch.noted_limits.clear();
+    if (!c.has_limits || c.limits.candidates_clear) return;
+    for (std::size_t i = 0; i < c.scratch.limit_candidate.size(); i += lane_width<R>) {
+        auto* candidate = &c.scratch.limit_candidate[i];
+        store<R>(candidate, select(lanes, R(0), load<R>(candidate)));
+    }
+}
+
+/// Adds forces, and where wanted stiffness, of the elements of one register; leaves their turned shape gradients.
+template <Want want, class R, class Q>
+inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
+                          const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
+    Vec3<Q> force[4];
+    corotational_force(s, mu, pressure, force);
+    auto add_stiffness = [&](auto emit) {
+        if constexpr (want == Want::forces_and_matrix) {
+            for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
+            corotational_stiffness(s, r, mu, lambda, pressure, exactness, emit);
+        }
+    };
+    if constexpr (std::is_same_v<R, Q>) {
+        const auto& nodes = c.topology->elements[elements.first];
+        const auto& blocks = c.topology->element_block[elements.first];
+        for (std::size_t a = 0; a < 4; ++a)
+            add_vec3<R>(&c.scratch.gradient[std::size_t(3 * nodes[a] * lane_width<R>)], force[a]);
+        add_stiffness(
+            [&](int k, const Mat3<R>& K) { add_block<R>(c.scratch.blocks.data(), blocks[std::size_t(k)], K); });
+    } else {
+        ElementSums<Q> sums;
+        for (std::size_t i = 0; i < 12; ++i) sums.number[i] = force[i / 3][int(i % 3)];
+        add_stiffness([&](int k, const Mat3<Q>& K) {
+            Q* to = &sums.number[ElementSums<Q>::stiffness + 9 * std::size_t(k)];
+            for (int i = 0; i < 9; ++i) to[i] = K.m[i / 3][i % 3];
+        });
+        add_element_sums<want, R>(c, elements, sums);
+    }
+}
+
+/// mu |S - I|^2 of elements, times their volumes [J].
+template <class Q>
+inline Q shape_energy(const Corotated<Q>& s, const Q& mu) {
+    Q squared(0);
+    for (int i = 0; i < 9; ++i) squared += s.strained.m[i / 3][i % 3] * s.strained.m[i / 3][i % 3];
+    return s.volume * mu * squared;
+}
+
+/// Elasticity and strain limits of every element with a volume term of its own.
+template <Want want, class R>
+inline void add_corotational_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+    using Q = RegisterOf<R>;
+    using T = ScalarOf<R>;
+    const int count = int(c.topology->elements.size());
+    constexpr int step = elements_at_once<R>;
+    const Q exactness = repeat_part<Q>(request.exactness);
+    begin_limits<R>(c, request.limits);
+    for (int first = 0; first < count; first += step * rotations_at_once) {
+        auto group = [&](int n) {
+            const int begin = first + n * step;
+            return ElementGroup<R, Q>(std::size_t(begin), std::min(step, count - begin));
+        };
+        Corotated<Q> state[rotations_at_once];
+        const int groups = std::min(rotations_at_once, (count - first + step - 1) / step);
+        corotate<R, Q>(c, groups, group, state);
+        for (int n = 0; n < groups; ++n) {
+            const ElementGroup<R, Q> elements = group(n);
+            const Corotated<Q>& s = state[n];
+            const Q mu = elements.load(c.rest.mu), lambda = elements.load(c.rest.lambda), pressure = lambda * s.stretch;
+            const Q energy = shape_energy(s, mu) + Q(T(0.5)) * s.volume * pressure * s.stretch;
+            for (int k = 0; k < elements.count; ++k) out.energy += part_of<R>(energy, k);
+            Vec3<Q> r[3];
+            add_corotated<want, R, Q>(c, elements, s, mu, lambda, pressure, exactness, r);
+            if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
+        }
+    }
+    if (c.has_limits) add_noted_limits<want>(c, request, out);
+}
+
+}  // namespace palpate::detail
