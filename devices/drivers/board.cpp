@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 constexpr double feed_period = 0.05, retry_period = 0.5;
-constexpr double catch_up_period = 0.005;
+constexpr double catch_up_period = 0.02;  ///< ticks come as often: a write between them would only be in their way [s]
 /// How long servos have caught up before the first move counts as over; longer where nobody knew where they were [s].
 constexpr double settled = 0.2, settled_from_unknown = 1.5, first_move_at_most = 3;
 constexpr std::size_t remembered_transitions = 200;
@@ -42,11 +42,12 @@ Board::Board(std::unique_ptr<BoardLink> link, std::filesystem::path audit)
     wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (wake_fd_ < 0) throw std::runtime_error("no event descriptor for the servo controller's thread");
     thread_ = std::thread([this] { serve(); });
+    come_before_other_work(thread_, 19);
 }
 
 Board::~Board() {
     stop_ = true;
-    wake();
+    ring();
     thread_.join();
     link_->close();
     ::close(wake_fd_);
@@ -96,9 +97,16 @@ WireLimits Board::limits_of(std::size_t channel) const {
 
 void Board::set(int channel, WireValue value, double pose_at) {
     wanted_[std::size_t(channel)].store(packed(value, pose_at), std::memory_order_release);
+    waiting_.store(true, std::memory_order_release);
 }
 
 void Board::wake() {
+    if (!waiting_.exchange(false)) return;
+    ++wakes_;
+    ring();
+}
+
+void Board::ring() {
     const std::uint64_t one = 1;
     [[maybe_unused]] const auto written = ::write(wake_fd_, &one, sizeof one);  // full: it is awake already
 }
@@ -120,7 +128,8 @@ bool Board::drain(double seconds) const {
 
 BoardStatus Board::status() const {
     const std::lock_guard lock(problem_mutex_);
-    BoardStatus s{state(), fault_, problem_, writes_, values_, failures_, opened_, faults_, 0, 0, {}, {}, transitions_};
+    BoardStatus s{state(), fault_,  problem_, wakes_, writes_, values_, failures_,
+                  opened_, faults_, 0,        0,      {},      {},      transitions_};
     s.write_p99_ms = 1e3 * latency_.quantile(0.99);
     s.write_worst_ms = 1e3 * latency_.worst();
     for (std::size_t c = 0; c < max_channels; ++c) {
@@ -133,7 +142,7 @@ BoardStatus Board::status() const {
 bool Board::rearm() {
     if (state() == BoardState::inactive) {
         rearm_asked_ = true;
-        wake();
+        ring();
     }
     return state() == BoardState::active;
 }
@@ -237,7 +246,7 @@ std::size_t Board::due_targets(std::span<ChannelTarget> targets, double now) {
 /// Sends what is not yet where it is wanted.
 void Board::write_changed() {
     std::array<ChannelTarget, max_channels> due;
-    std::array<char, max_channels> arrived{};
+    std::array<double, max_channels> arrived{};
     const double began = device_clock();
     const std::size_t count = due_targets(due, began);
     if (count == 0) return;
@@ -247,10 +256,10 @@ void Board::write_changed() {
     }
     const std::span<const ChannelTarget> targets(due.data(), count);
     const LinkProblem problem = link_->write(targets, std::span(arrived).first(count));
-    const double end = device_clock();  // they arrived by now, if at all: the next step's time runs from here
+    const double end = device_clock();
     bool given_up = false;
     for (std::size_t i = 0; i < count; ++i) {
-        note_write(targets[i], arrived[i] != 0, began, end);
+        note_write(targets[i], arrived[i], began, end);
         given_up |= write_watch_[std::size_t(targets[i].channel)].given_up(end);
     }
     if (moving_since_ == 0) moving_since_ = end;
@@ -260,16 +269,20 @@ void Board::write_changed() {
     last_word_ = began;  // not its end: the process may have been stopped while it waited for that
 }
 
-void Board::note_write(const ChannelTarget& target, bool arrived, double began, double end) {
+/// A target that arrived did so by `arrived_at`: the next step's time runs from there. For another it runs from the
+/// end.
+void Board::note_write(const ChannelTarget& target, double arrived_at, double began, double end) {
     const auto c = std::size_t(target.channel);
+    const bool arrived = arrived_at > 0;
+    const double at = arrived ? arrived_at : end;
     Told& told = told_[c];
     position_unknown_ |= told.low == no_pulse;
-    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, end);
-    told.took = end - began;
+    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, at);
+    told.took = at - began;
     sent_[c] = arrived ? target.value : no_pulse;
-    following_[c].told(target.value, end);
-    const double pose_at = due_pose_[c], age = end - pose_at;
-    audit_.add({end, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
+    following_[c].told(target.value, at);
+    const double pose_at = due_pose_[c], age = at - pose_at;
+    audit_.add({at, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
     if (!arrived) return write_watch_[c].bad(began);
     write_watch_[c].good();
     ++values_;

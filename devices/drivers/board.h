@@ -23,7 +23,7 @@ struct BoardStatus {
     BoardState state;
     FaultKind fault;      ///< that latched last
     std::string problem;  ///< the last one
-    std::int64_t writes, values, failures, opened, faults;
+    std::int64_t wakes, writes, values, failures, opened, faults;
     double write_p99_ms, write_worst_ms;
     std::array<std::int64_t, max_channels> write_failures, read_failures;  ///< per servo
     std::vector<BoardTransition> transitions;                              ///< the first and the last hundred
@@ -40,12 +40,14 @@ class Board {
 
     /// What a channel may be sent; until then, nothing. `rest`: where a dying program leaves it; no_pulse: as it is.
     void limit(int channel, const WireLimits& limits, WireValue rest = no_pulse);
-    /// The newest target of a channel; sent by the thread after wake(). Never waits.
+    /// The newest target of a channel; sent by the thread after wake(), all in one write. Never waits.
     void set(int channel, WireValue value, double pose_at = 0);
     /// The newest torque limit of a channel, as `set`; sent before the targets.
     void set_torque(int channel, WireValue value) {
         wanted_torque_[std::size_t(channel)].store(value, std::memory_order_release);
+        waiting_.store(true, std::memory_order_release);
     }
+    /// Has what was set sent now; once, however many thimbles share the controller.
     void wake();
     /// Waits until all targets were sent, for `seconds` at most. False where some were not.
     bool drain(double seconds = 0.2) const;
@@ -71,13 +73,14 @@ class Board {
 
   private:
     void serve();
+    void ring();
     void exchange();
     void activate();
     bool open_again();
     void take_positions(std::span<const WireValue> positions);
     std::size_t due_targets(std::span<ChannelTarget> targets, double now);
     void write_changed();
-    void note_write(const ChannelTarget& target, bool arrived, double began, double end);
+    void note_write(const ChannelTarget& target, double arrived_at, double began, double end);
     void write_changed_torques();
     void feed();
     void read_positions(double began);
@@ -105,8 +108,8 @@ class Board {
     Audit audit_;
     mutable std::mutex limits_mutex_;
     std::atomic<BoardState> state_{BoardState::unconfigured};
-    std::atomic<bool> rearm_asked_{false}, stop_{false}, seized_{false};
-    std::atomic<std::int64_t> writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
+    std::atomic<bool> rearm_asked_{false}, stop_{false}, seized_{false}, waiting_{false};
+    std::atomic<std::int64_t> wakes_{0}, writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
     std::array<double, max_channels> due_pose_{}, counted_pose_{};  ///< poses behind what is sent, and was counted [s]
     bool easing_ = false, position_unknown_ = false, held_back_ = false;
     double moving_since_ = 0;  ///< when the first value after activation was sent; 0: none was [s]

@@ -21,9 +21,10 @@ class BoardDriver final : public Driver {
             const WireValue value = wire_value(servos_[i], board_->steps_per_unit(), angle);
             if (value != no_pulse) board_->set(channels_[i], value, pose_at);
         }
-        board_->wake();
         return DriverStatus::ok;
     }
+
+    void flush() override { board_->wake(); }
 
     Coordinates actual(double) override {
         Coordinates q(std::ptrdiff_t(channels_.size()));

@@ -38,9 +38,10 @@ class BoardLink {
     virtual LinkProblem activate() { return {}; }
     /// Lets go of the servos, where they can let go: the last word as a fault latches. Problems change nothing.
     virtual void deactivate() {}
-    /// Sends targets. `arrived` [as targets] becomes 1 for those that did. Where it is held up for longer than
-    /// ask_first_after between two of them, as in a stopped process, the rest stays unsent, which is a problem.
-    virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) = 0;
+    /// Sends targets. `arrived` [as targets] becomes when each did [s of device_clock]; 0 where it did not. Where it is
+    /// held up for longer than ask_first_after between two of them, as in a stopped process, the rest stays unsent,
+    /// which is a problem.
+    virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) = 0;
     /// Sends torque limits, where the servos have them.
     virtual LinkProblem write_torques(std::span<const ChannelTarget> /*limits*/) { return {}; }
     /// Keeps the controller's watchdog from biting, and asks how it is, and whether the watchdog has bitten.

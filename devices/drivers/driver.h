@@ -16,6 +16,8 @@ class Driver {
     /// Commands joint angles [rad] at time `now` [s]. `pose_at`: when the tracked pose behind them arrived; 0: none
     /// did.
     virtual DriverStatus send(const Coordinates& q, double now, double pose_at = 0) = 0;
+    /// Has what was sent go out: after all thimbles that may share a controller have sent, so that it is told once.
+    virtual void flush() {}
     /// Angles that the servos are at, as far as the driver knows [rad].
     virtual Coordinates actual(double now) = 0;
     /// Most that each joint may push with from the next send() on [N m]. False where the servos cannot limit it.

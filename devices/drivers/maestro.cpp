@@ -171,14 +171,14 @@ class MaestroLink final : public BoardLink {
         lock_.release();
     }
 
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         return send_all(
             targets.size(), [&](std::size_t i) { return set_target(targets[i].channel, targets[i].value); }, arrived);
     }
 
     LinkProblem feed() override {
         // Clearing errors feeds the watchdog, so they are asked for first.
-        char arrived[2]{};
+        double arrived[2]{};
         const Request requests[2]{get_variables(channels_), clear_errors()};
         if (const auto p = send_all(
                 2, [&](std::size_t i) { return requests[i]; }, arrived))
@@ -197,7 +197,7 @@ class MaestroLink final : public BoardLink {
 
     LinkProblem limit_speed(double share) override {
         std::array<Request, max_channels> requests;
-        std::array<char, max_channels> arrived{};
+        std::array<double, max_channels> arrived{};
         std::size_t count = 0;
         for (const auto& [channel, limits] : settings_.limits)
             if (limits.speed > 0) requests[count++] = set_speed(channel, speed_units(share * limits.speed));
@@ -220,13 +220,18 @@ class MaestroLink final : public BoardLink {
         libusb_transfer* transfer = nullptr;
         unsigned char buffer[LIBUSB_CONTROL_SETUP_SIZE + longest_reply];
         bool done = true;
+        double done_at = 0;  ///< [s]
         void free() {
             libusb_free_transfer(transfer);
             transfer = nullptr;
         }
         ~Pending() { free(); }
     };
-    static void LIBUSB_CALL finished(libusb_transfer* t) { static_cast<Pending*>(t->user_data)->done = true; }
+    static void LIBUSB_CALL finished(libusb_transfer* t) {
+        auto& pending = *static_cast<Pending*>(t->user_data);
+        pending.done = true;
+        pending.done_at = device_clock();
+    }
 
     static std::uint16_t speed_units(double us_per_s) {
         return std::uint16_t(std::clamp(std::ceil(us_per_s / 25), 1.0, 16383.0));  // 0.25 us / 10 ms
@@ -240,7 +245,7 @@ class MaestroLink final : public BoardLink {
     void set_limits();
     void check_limits(int channel, const ServoSetting& found) const;
     template <class RequestOf>
-    LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<char> arrived);
+    LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<double> arrived);
     bool wait_for_all(std::size_t count, int milliseconds);
     static LinkProblem problem_of(int channel_index, const libusb_transfer& t);
 
@@ -316,7 +321,7 @@ LinkProblem MaestroLink::problem_of(int which, const libusb_transfer& t) {
 }
 
 template <class RequestOf>
-LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<char> arrived) {
+LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<double> arrived) {
     if (!handle_ || context_->stuck) return {"the Maestro is not open", true, FaultKind::unplugged};
     LinkProblem problem;
     std::size_t submitted = 0;
@@ -341,6 +346,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
             break;
         }
         ++submitted;
+        context_->look();  // what is done by now: its time, and a board that is gone
     }
     if (!wait_for_all(submitted, int(timeout_ms) + 20)) {
         for (std::size_t i = 0; i < submitted; ++i)
@@ -354,7 +360,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
     }
     for (std::size_t i = 0; i < submitted; ++i) {
         const libusb_transfer& t = *(*pending_)[i].transfer;
-        arrived[i] = t.status == LIBUSB_TRANSFER_COMPLETED;
+        arrived[i] = t.status == LIBUSB_TRANSFER_COMPLETED ? (*pending_)[i].done_at : 0;
         if (const LinkProblem p = problem_of(int(i), t); p && (!problem || p.lost)) problem = p;
     }
     return problem;

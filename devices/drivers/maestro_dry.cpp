@@ -6,6 +6,7 @@
 
 #include "devices/drivers/maestro.h"
 #include "devices/drivers/maestro_protocol.h"
+#include "devices/loop/clock.h"
 
 namespace palpate::maestro {
 
@@ -30,10 +31,10 @@ class DryLink final : public BoardLink {
     void close() override {
         if (log_) std::fflush(log_.get());
     }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         for (std::size_t i = 0; i < targets.size(); ++i) {
             line(set_target(targets[i].channel, targets[i].value));
-            arrived[i] = 1;
+            arrived[i] = device_clock();
         }
         return {};
     }

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "devices/drivers/serial_line.h"
+#include "devices/loop/clock.h"
 
 namespace palpate {
 
@@ -43,9 +44,9 @@ class CompactLink final : public BoardLink {
         return error.what();
     }
     void close() override { line_.close(); }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         const LinkProblem problem = line_.write(compact::set_targets(targets, true));
-        if (!problem) std::fill(arrived.begin(), arrived.end(), char(1));
+        if (!problem) std::fill(arrived.begin(), arrived.end(), device_clock());
         return problem;
     }
     LinkProblem write_torques(std::span<const ChannelTarget>) override {
@@ -107,10 +108,10 @@ class ServoBus final : public BoardLink {
     void close() override;
     LinkProblem activate() override;
     void deactivate() override { switch_torque_off(settings_.channels); }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         const LinkProblem problem =
             line_.write(dynamixel_ ? dynamixel::write_targets(targets) : feetech::write_targets(targets));
-        if (!problem) std::fill(arrived.begin(), arrived.end(), char(1));
+        if (!problem) std::fill(arrived.begin(), arrived.end(), device_clock());
         return problem;
     }
     LinkProblem write_torques(std::span<const ChannelTarget> limits) override {

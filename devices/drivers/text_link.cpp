@@ -9,6 +9,7 @@
 
 #include "devices/drivers/serial_line.h"
 #include "devices/drivers/text_protocol.h"
+#include "devices/loop/clock.h"
 
 namespace palpate {
 
@@ -71,11 +72,11 @@ class TextLink final : public BoardLink {
         order("rest");
     }
 
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         for (std::size_t at = 0; at < targets.size(); at += text::most_targets) {
             const std::size_t count = std::min(text::most_targets, targets.size() - at);
             if (const auto problem = order_targets("set", targets.subspan(at, count))) return problem;
-            std::fill_n(arrived.begin() + std::ptrdiff_t(at), count, char(1));
+            std::fill_n(arrived.begin() + std::ptrdiff_t(at), count, device_clock());
         }
         return {};
     }

@@ -12,13 +12,23 @@ double device_clock() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+void come_before_other_work(std::thread& thread, int priority) {
+    sched_param wanted{};
+    wanted.sched_priority = priority;
+    (void)pthread_setschedparam(thread.native_handle(), SCHED_FIFO, &wanted);
+}
+
+namespace {
+
+/// Ticks that are due within this time of each other come together, and their controllers are told once [s].
+constexpr double together = 0.5e-3;
+
+}  // namespace
+
 DeviceThread::DeviceThread(std::vector<ThimbleLoop*> loops) : loops_(std::move(loops)) {
     for (ThimbleLoop* loop : loops_) rearm(*loop, device_clock());
     thread_ = std::thread([this] { run(); });
-    // Where the system allows it, ticks come before other work. Elsewhere they share.
-    sched_param priority{};
-    priority.sched_priority = 20;
-    (void)pthread_setschedparam(thread_.native_handle(), SCHED_FIFO, &priority);
+    come_before_other_work(thread_, 20);
 }
 
 void DeviceThread::stop() {
@@ -42,10 +52,13 @@ void DeviceThread::run() {
         for (ThimbleLoop* loop : loops_) {
             const double due = loop->next_tick;
             const bool first = loop->status.ticks == 0;
-            if (tick(*loop, device_clock()) && !first) lateness_.add(std::max(0.0, now - due));
+            const double at = device_clock();
+            if (tick(*loop, due < at + together ? std::max(at, due) : at) && !first)
+                lateness_.add(std::max(0.0, now - due));
             next = std::min(next, loop->next_tick);
             moving |= loop->status.mode != ThimbleMode::fault && !at_rest(*loop);
         }
+        for (ThimbleLoop* loop : loops_) loop->driver->flush();
         if (stop_ && (!moving || now >= end)) return;
         const double wait = next - device_clock();
         if (wait > 0) std::this_thread::sleep_for(std::chrono::duration<double>(wait));

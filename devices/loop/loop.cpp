@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "devices/matching/platform_force.h"
 
@@ -40,10 +41,17 @@ double braking_speed(double distance, double acceleration, double dt) {
 }
 
 /// Commands come as often as ticks, at a phase of their own. Ticks are moved to shortly after they come, so that what a
-/// finger feels is a few milliseconds old and not up to a period: once by a longer period, then by little.
-void keep_pace(ThimbleLoop& loop, double waited) {
+/// finger feels is a few milliseconds old and not up to a period: once by a longer period, then by little. A command
+/// that misses its tick waits for a period, so they come after nearly all steps: how long these take is learned,
+/// upwards in steps that no single delay makes large.
+void keep_pace(ThimbleLoop& loop, double waited, double step_took) {
+    constexpr double up = 0.5e-3, down = 0.02;
     loop.latency.add(waited);
-    const double period = loop.settings.period, late = waited - loop.settings.command_wait;
+    const double period = loop.settings.period, longer = step_took - loop.step_takes;
+    if (step_took > 0)
+        loop.step_takes =
+            std::min(loop.step_takes + (longer > 0 ? std::min(longer, up) : down * longer), 0.25 * period);
+    const double late = waited - loop.step_takes - loop.settings.command_wait;
     if (late > 0.25 * period)
         loop.next_tick += period - std::fmod(late, period);
     else
@@ -123,23 +131,39 @@ void rearm_if_asked(ThimbleLoop& loop, double now) {
     if (loop.status.mode != ThimbleMode::fault || rearm(loop, now)) loop.rearm_until = -1;
 }
 
+/// A command that comes just after its tick would wait for a period: where one is due, the tick waits a little for it.
+bool awaits_command(ThimbleLoop& loop, double now) {
+    constexpr double patience = 0.2, look_again = 0.25e-3;
+    const double period = loop.settings.period;
+    loop.has_come |= loop.mailbox.take(loop.incoming);
+    const bool due = loop.status.mode == ThimbleMode::following && !loop.parked &&
+                     std::abs(loop.commands_every - period) < patience * period;
+    const double longer = now + look_again - loop.next_tick;
+    if (loop.has_come || !due || loop.awaited + longer > patience * period) return false;
+    loop.awaited += longer;
+    loop.next_tick += longer;
+    return true;
+}
+
 void take_command(ThimbleLoop& loop, double now) {
     if (const bool let_go = loop.let_go; let_go != loop.was_let_go) {
         loop.was_let_go = let_go;
         if (!let_go) loop.easing_since = now;  // as after arming
     }
-    ThimbleCommand command;
-    const bool came = loop.mailbox.take(command) && command.valid && command.q.size() == loop.q.size();
+    const ThimbleCommand& command = loop.incoming;
+    const bool came = std::exchange(loop.has_come, false) && command.valid && command.q.size() == loop.q.size();
     if (came && !loop.was_let_go) {
         // Without contact the rest pose is commanded. The first approach to one may have a limit of its own, until the
         // platform has got there.
         const bool contact = (command.q - loop.rest_q).cwiseAbs().maxCoeff() > 1e-6;
         if (contact && !loop.in_contact) loop.touching_down = loop.settings.touch_velocity > 0;
         loop.in_contact = contact;
-        loop.pose_at = loop.pose_stamps.arrival_of(command.sampled_at);
+        const PoseStamps::Times times = loop.pose_stamps.of(command.sampled_at);
+        loop.pose_at = times.arrived_at;
+        loop.commands_every = command.sampled_at - loop.newest.sampled_at;
         loop.newest = command;
         loop.newest_at = now;
-        if (command.sampled_at > 0) keep_pace(loop, now - command.sampled_at);
+        if (command.sampled_at > 0) keep_pace(loop, now - command.sampled_at, times.done_at - command.sampled_at);
     }
     loop.status.age = loop.newest.valid ? now - loop.newest_at : HUGE_VAL;
 }
@@ -185,7 +209,8 @@ void send_torque(ThimbleLoop& loop) {
 }  // namespace
 
 bool tick(ThimbleLoop& loop, double now) {
-    if (now < loop.next_tick - 1e-9) return false;
+    if (now < loop.next_tick - 1e-9 || awaits_command(loop, now)) return false;
+    loop.awaited = 0;
     ThimbleStatus& s = loop.status;
     schedule(loop, now);
     rearm_if_asked(loop, now);

@@ -33,7 +33,7 @@ int limit_command(const Coordinates& target, const Coordinates& min, const Coord
 
 struct ThimbleLoopSettings {
     double period = 0.020;         ///< [s]
-    double command_wait = 0.0025;  ///< from tracked pose to tick that real-time schedules are moved to [s]
+    double command_wait = 0.0004;  ///< from the end of a step to the tick that takes its command [s]
     double hold_after = 0.060;     ///< no valid solve for this long: hold [s]
     double rest_after = 0.120;     ///< then slew to the rest configuration [s]
     double rest_within = 0.500;    ///< time allowed to reach it, or what its limits ask for [s]
@@ -68,7 +68,10 @@ struct ThimbleLoop {
     ThimbleMailbox mailbox;
     Mailbox<ThimbleReport> reports;  ///< for one reader
     PoseStamps pose_stamps;          ///< filled by the simulation, in real time
-    ThimbleCommand newest;
+    ThimbleCommand newest, incoming;
+    bool has_come = false;                      ///< incoming is there, and is not taken yet
+    double awaited = 0, commands_every = 0;     ///< how long this tick waits for it; as poses go [s]
+    double step_takes = 0.002;                  ///< nearly all steps take no longer, from their poses on [s]
     double pose_at = 0;                         ///< when the tracked pose behind it had come; 0: unknown [s]
     double newest_at = 0;                       ///< when it came [s]
     Coordinates q, velocity;                    ///< sent last [rad], [rad/s]

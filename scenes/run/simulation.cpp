@@ -209,6 +209,8 @@ void advance(Simulation& s, const StepInputs& inputs) {
         for (auto& loop : s.loops) loop->pose_stamps.add(w.sampled_at, arrived_at);
     }
     step(w, *s.threads);
+    if (s.hardware)
+        for (auto& loop : s.loops) loop->pose_stamps.done(device_clock());
     count_detail(w, s.detail);
     if (s.governor) govern(*s.governor, w.profile.total());
     if (!s.hardware)

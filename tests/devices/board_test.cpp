@@ -17,11 +17,12 @@ using testing::eventually;
 struct FakeState {
     std::mutex mutex;
     std::vector<ChannelTarget> seen;
-    std::vector<double> times;  ///< of what was seen [s]
+    std::vector<double> times;        ///< of what was seen [s]
+    std::vector<std::size_t> counts;  ///< of targets that each write had
     std::vector<double> speed_shares;
     std::string calls;  ///< w: write, f: feed, F: one that took long; as they end
     std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
-    std::atomic<int> delay_ms{0}, feed_delay_ms{0}, deaf{-1}, lets_go{0};
+    std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
 };
 class FakeLink final : public BoardLink {
   public:
@@ -33,19 +34,20 @@ class FakeLink final : public BoardLink {
     }
     void close() override {}
     void deactivate() override { ++state_.lets_go; }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         std::this_thread::sleep_for(std::chrono::milliseconds(state_.delay_ms));
         if (state_.vanish) return {"gone", true, FaultKind::unplugged};
         if (state_.refuse) return {"refused", false, FaultKind::refused};
         const std::lock_guard lock(state_.mutex);
         state_.calls += 'w';
+        state_.counts.push_back(targets.size());
         LinkProblem problem;
         for (std::size_t i = 0; i < targets.size(); ++i) {
             if (targets[i].channel == state_.deaf) {
                 problem = {"refused", false, FaultKind::refused};
                 continue;
             }
-            state_.seen.push_back(targets[i]), arrived[i] = 1;
+            state_.seen.push_back(targets[i]), arrived[i] = device_clock() + 1e-3 * state_.apart_ms * double(i);
             state_.times.push_back(device_clock());
         }
         return problem;
@@ -197,6 +199,55 @@ TEST(Board, AgesAreThoseOfPosesAtTheWire) {
     EXPECT_EQ(board.age(1).count(), 5) << "no pose is behind it";
 }
 
+TEST(Board, AgesAreThoseOfEachTransfer) {
+    FakeState state;
+    state.apart_ms = 50;  // the second arrives later than the first
+    Board board(std::make_unique<FakeLink>(state));
+    for (int c : {1, 2}) board.limit(c, {4000, 8000, 1e6});
+    const double pose_at = device_clock();
+    for (int c : {1, 2}) board.set(c, 6000, pose_at);
+    board.wake();
+    ASSERT_TRUE(board.drain(5));
+    EXPECT_NEAR(board.newest_age(2) - board.newest_age(1), 0.05, 1e-3);
+}
+
+/// Five thimbles of one controller, as five fingers of a hand: it is woken once a tick, and told once.
+TEST(DeviceThreads, ThimblesThatShareAControllerAreToldInOneWrite) {
+    FakeState state;
+    state.delay_ms = 4;  // one write after the other would be noticed
+    auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
+    std::vector<std::unique_ptr<ThimbleLoop>> loops;
+    std::vector<ThimbleLoop*> all;
+    for (int t = 0; t < 5; ++t) {
+        loops.push_back(std::make_unique<ThimbleLoop>());
+        initialise(*loops.back(), find_kind("chinello-3rrs")->defaults(), {},
+                   make_board_driver(board, {3 * t, 3 * t + 1, 3 * t + 2}, std::vector<ServoCalibration>(3), {}));
+        all.push_back(loops.back().get());
+    }
+    std::int64_t ticks = 0, wakes = 0, writes = 0;
+    {
+        DeviceThread thread(all);
+        for (int k = 0; k < 120; ++k) {
+            const double sampled_at = device_clock();
+            for (ThimbleLoop* loop : all) {
+                loop->pose_stamps.add(sampled_at, sampled_at), loop->pose_stamps.done(device_clock());
+                const double angle = 0.1 * std::sin(0.3 * k);
+                loop->mailbox.publish({0, Eigen::Vector3d(angle, -angle, angle), true, sampled_at});
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        }
+        ticks = all[0]->status.ticks, wakes = board->status().wakes, writes = board->status().writes;
+    }
+    EXPECT_GE(ticks, 100);
+    EXPECT_LE(wakes, ticks + 10) << "five thimbles, one wake a tick";
+    EXPECT_GE(wakes, ticks / 2);
+    std::size_t whole = 0, parts = 0;
+    const std::lock_guard lock(state.mutex);
+    for (std::size_t k = state.counts.size() / 2; k < std::min(std::size_t(writes), state.counts.size()); ++k)
+        (state.counts[k] == 15 ? whole : parts) += 1;
+    EXPECT_GT(whole, 2 * parts) << "servos that move together are told together";
+}
+
 TEST(Board, FaultsAreWrittenDownWithWhatWasSentBefore) {
     testing::ScratchFolder scratch;
     FakeState state;
@@ -345,7 +396,7 @@ class HostileLink final : public BoardLink {
         const std::lock_guard lock(judge_.mutex);
         judge_.active = false;
     }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<char> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
         const std::lock_guard lock(judge_.mutex);
         ++judge_.writes;
         if (!judge_.open || !judge_.active) judge_.verdict += "told after a latch; ";
@@ -354,7 +405,7 @@ class HostileLink final : public BoardLink {
         for (std::size_t i = 0; i < targets.size(); ++i) {
             const bool lost = all_lost || judge_.chance(15);
             judge(targets[i], lost);
-            arrived[i] = !lost;
+            arrived[i] = lost ? 0 : device_clock();
             if (lost) problem = {"lost", false, FaultKind::silent};
         }
         if (judge_.chance(60)) return fail({"gone", true, FaultKind::unplugged});

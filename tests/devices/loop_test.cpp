@@ -2,6 +2,7 @@
 
 #include <random>
 #include <thread>
+#include <utility>
 
 #include "devices/drivers/simulated.h"
 #include "devices/loop/loop.h"
@@ -202,6 +203,57 @@ TEST(ThimbleLoop, ATickThatIsANanosecondEarlyIsOneTick) {
     EXPECT_EQ(b.loop.status.misses, 0);
     EXPECT_EQ(b.loop.status.ticks, 51);
     EXPECT_EQ(b.loop.status.worst_lateness, 0);
+}
+
+/// A hand in real time: commands every 20 ms, of poses that were read `takes` before.
+struct Paced {
+    Bench b;
+    double at = 1;  ///< when the next tracked pose is read [s]
+    /// A rendering step and its tick. Returns how long after the step's end its command was sent, or 1 if it was not
+    /// within `patience`.
+    double step_and_tick(double takes, double patience) {
+        const double done = at + takes;
+        b.loop.pose_stamps.add(at, at);
+        // Ticks come as often as a thread may look, before and after the command.
+        for (double t = at; t < done; t += 1e-4) tick(b.loop, t);
+        b.loop.pose_stamps.done(done);
+        const Coordinates w = Eigen::Vector3d(0.1, 0, 0.024);
+        b.loop.mailbox.publish({at, b.loop.model.kind->joints(b.loop.model, w).q, true, at});
+        const double sampled = std::exchange(at, at + 0.02);
+        for (double t = done; t < done + patience; t += 1e-4)
+            if (tick(b.loop, t) && b.loop.newest.sampled_at == sampled) return t - done;
+        return 1;
+    }
+};
+
+TEST(ThimbleLoop, TicksComeJustAfterTheStepsThatTheyWaitFor) {
+    for (const double takes : {0.3e-3, 1e-3, 3e-3}) {
+        Paced p;
+        for (int k = 0; k < 400; ++k) p.step_and_tick(takes, 0.016);
+        for (int k = 0; k < 50; ++k) EXPECT_LT(p.step_and_tick(takes, 0.016), 1e-3) << takes;
+    }
+}
+
+TEST(ThimbleLoop, OneLongStepMakesNoOtherCommandOld) {
+    Paced p;
+    for (int k = 0; k < 400; ++k) p.step_and_tick(1e-3, 0.016);
+    p.step_and_tick(15e-3, 0.004);
+    for (int k = 0; k < 20; ++k) p.step_and_tick(1e-3, 0.016);
+    for (int k = 0; k < 50; ++k) EXPECT_LT(p.step_and_tick(1e-3, 0.016), 2e-3);
+}
+
+TEST(ThimbleLoop, ACommandThatIsOnItsWayIsWaitedFor) {
+    Paced p;
+    for (int k = 0; k < 400; ++k) p.step_and_tick(1e-3, 0.016);
+    EXPECT_LT(p.step_and_tick(4e-3, 0.016), 0.5e-3) << "not a period later";
+    const std::int64_t misses = p.b.loop.status.misses;
+    // Where none comes, ticks go on, a little later.
+    const std::int64_t ticks = p.b.loop.status.ticks;
+    const double end = p.at + 0.2;
+    for (double t = p.at; t < end; t += 1e-4) tick(p.b.loop, t);
+    EXPECT_GE(p.b.loop.status.ticks - ticks, 8);
+    EXPECT_EQ(p.b.loop.status.misses, misses);
+    EXPECT_EQ(p.b.loop.status.mode, ThimbleMode::resting);
 }
 
 TEST(ThimbleLoop, TheFirstMoveAfterArmingIsSlow) {

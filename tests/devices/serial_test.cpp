@@ -197,6 +197,7 @@ TEST_P(AnsweringSerialBuses, TorqueLimitsArriveBeforeTargetsAndRiseSlowly) {
         }
         ASSERT_TRUE(driver->limit_torque(Eigen::Vector2d(0.1, 5.0)));
         driver->send(Eigen::Vector2d(0, 0.05), 0);
+        driver->flush();
         EXPECT_TRUE(eventually([&] { return bus.goals()[5] != 2000; }));
         const int first = bus.get(5, where, 2);
         EXPECT_GT(first, 0);
@@ -205,6 +206,7 @@ TEST_P(AnsweringSerialBuses, TorqueLimitsArriveBeforeTargetsAndRiseSlowly) {
         EXPECT_EQ(bus.get(4, where, 2), 283);
         ASSERT_TRUE(driver->limit_torque(Eigen::Vector2d(NAN, 0)));
         driver->send(Eigen::Vector2d(0, 0.05), 0.02);
+        driver->flush();
         EXPECT_TRUE(eventually([&] { return bus.get(4, where, 2) == 0; }));
         const ServoCalibration hobby;
         EXPECT_FALSE(make_board_driver(board, {6}, {hobby}, {})->limit_torque(Coordinates::Ones(1)));
@@ -317,12 +319,14 @@ TEST_P(AnsweringSerialBuses, AServoThatDoesNotFollowLatches) {
     for (int k = 0; k < 60; ++k) {  // to and fro within a quarter radian, as fast as it may
         const double q = at + 0.25 * std::sin(0.2 * k);
         driver->send(Eigen::Vector2d(q, q), 0);
+        driver->flush();
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     ASSERT_EQ(board->state(), BoardState::active) << board->status().problem;
     bus.stuck = 5;
     for (int k = 0; k < 200 && board->state() == BoardState::active; ++k) {
         driver->send(Eigen::Vector2d(at + 0.3, at + 0.3), 0);
+        driver->flush();
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     EXPECT_EQ(name(board->status().fault), std::string("blocked")) << board->status().problem;

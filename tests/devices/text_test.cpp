@@ -168,9 +168,9 @@ struct Bench {
     }
     void set(int channel, int us) {
         const ChannelTarget target[] = {{channel, WireValue(us)}};
-        char arrived[1] = {0};
+        double arrived[1] = {0};
         must([&] { return link->write(target, arrived); });
-        EXPECT_EQ(arrived[0], 1);
+        EXPECT_GT(arrived[0], 0);
     }
 };
 
@@ -211,7 +211,7 @@ TEST(TextBoard, SilenceSendsServosHomeAndIsSeen) {
     EXPECT_TRUE(eventually([&] { return (problem = bench.link->feed()).kind == FaultKind::watchdog; })) << problem.text;
     EXPECT_TRUE(problem.lost);
     const ChannelTarget target[] = {{1, 1600}};
-    char arrived[1] = {0};
+    double arrived[1] = {0};
     EXPECT_TRUE(eventually([&] { return bench.link->write(target, arrived).kind == FaultKind::watchdog; }));
     EXPECT_EQ(arrived[0], 0);
     bench.board.pass(20);

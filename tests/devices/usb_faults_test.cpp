@@ -195,8 +195,9 @@ TEST_F(Usb, ASecondCtrlCEndsAtOnceAfterTheRestPose) {
     expect_at_rest(log(), 6);
 }
 
-TEST_F(Usb, AStackThatOverflowsLeavesThimblesAtRest) {
-    for (const std::string signal : {"-1", "26", "29"}) {  // 26: SIGVTALRM, 29: SIGPOLL
+TEST_F(Usb, HoweverTheProgramDiesThimblesAreAtRest) {
+    // A stack that overflows, std::terminate, memory that is used up, SIGVTALRM, SIGPOLL.
+    for (const std::string signal : {"-1", "-2", "-3", "26", "29"}) {
         Outcome o;
         for (int attempt = 0; attempt < 3; ++attempt) {  // the emulator's clock is judged: it must not stand still
             o = emulate("--at 6000" + logged(), probe + " --seconds 2 --die " + signal);

@@ -41,6 +41,29 @@ TEST_F(Usb, TheDoctorFindsAndMends) {
     EXPECT_SAYS(o, "bootloader");
 }
 
+TEST_F(Usb, TheDoctorAsksForNoBoardThatNobodyDrives) {
+    auto asked_of = [&](const std::string& device) {
+        const std::string file = scene(1, 1);
+        std::stringstream text;
+        text << std::ifstream(file).rdbuf();
+        const std::string all = text.str();
+        const auto from = all.find("device = {");
+        std::ofstream(file) << all.substr(0, from) << "device = { kind = \"chinello-3rrs\"" << device
+                            << all.substr(all.find(" }", from));
+        return shell("umockdev-wrapper " + program + " doctor " + file);  // of a system with nothing on USB
+    };
+    Outcome o = asked_of("");
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_EQ(o.out.find("plug"), std::string::npos) << o.out;
+    o = asked_of(", driver = \"dynamixel\", port = \"/dev/no-such-port\", channels = [0, 1, 2]");
+    EXPECT_EQ(o.code, 1) << o.out;
+    EXPECT_SAYS(o, "1. /dev/no-such-port");
+    EXPECT_EQ(o.out.find("Maestro"), std::string::npos) << o.out;
+    o = asked_of(", driver = \"maestro\", serial = \"00123456\", channels = [0, 1, 2]");
+    EXPECT_EQ(o.code, 1) << o.out;
+    EXPECT_SAYS(o, "00123456 is not on USB");
+}
+
 TEST_F(Usb, NothingMovesWithoutArming) {
     const Outcome o = emulate(logged(), program + " run " + scene(1, 0.1) + " --out " + (scratch.path / "r").string());
     EXPECT_EQ(o.code, 0) << o.out;

@@ -1,18 +1,22 @@
 // Drives five thimbles on a Maestro as the program does (loops, device thread, board, link),
 // without a scene: what faults do to the driver is seen in a fraction of a second, under a sanitizer or valgrind too.
 //
-//   board-probe [--seconds S] [--rearm 1] [--die SIGNAL, -1: of a stack that overflows] [--audit FILE] [--acceleration
-//   RAD_PER_S2]
+//   board-probe [--seconds S] [--rearm 1] [--die SIGNAL] [--audit FILE] [--acceleration RAD_PER_S2]
 //
+// SIGNAL -1: of a stack that overflows; -2: by std::terminate; -3: of memory that is used up.
 // Joints swing to and fro, fast. With --rearm 1 faults are cleared whenever their cause is gone, as by a person who
 // never tires. Prints how the board fared; exits 0 where it ended well, 1 where it ended in a fault, 2 where it was
 // refused.
+
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <string>
+#include <vector>
 
 #include "devices/drivers/last_resort.h"
 #include "devices/drivers/maestro.h"
@@ -50,10 +54,17 @@ Options parse(int argc, char** argv) {
     return room[0] == 1 ? 0 : overflow(room) + room[0];  // never 1
 }
 
-/// By a signal; 0 < SIGNAL is the signal, below it the stack overflows.
+[[noreturn]] void use_up_memory() noexcept {
+    const rlimit little{1 << 20, 1 << 20};
+    setrlimit(RLIMIT_AS, &little);
+    for (std::vector<std::string> all;;) all.emplace_back(1 << 16, 'x');
+}
+
 void die(int signal) {
     volatile char here = 0;
-    if (signal < 0) std::printf("%d", overflow(&here));
+    if (signal == -1) std::printf("%d", overflow(&here));
+    if (signal == -2) std::terminate();
+    if (signal == -3) use_up_memory();
     std::raise(signal);
 }
 

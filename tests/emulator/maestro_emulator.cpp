@@ -11,6 +11,7 @@
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
+#include <sched.h>
 #include <sys/wait.h>
 #include <umockdev.h>
 #include <unistd.h>
@@ -174,8 +175,16 @@ int submit(Board& b, Urb urb) {
     return 0;
 }
 
+/// A board does not wait for what else a computer does: nor does the thread that emulates it, where that is allowed.
+void come_before_other_work() {
+    sched_param priority{};
+    priority.sched_priority = 10;
+    static_cast<void>(sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &priority));
+}
+
 gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) {
     Board& b = *static_cast<Board*>(user);
+    [[maybe_unused]] static thread_local const bool first = (come_before_other_work(), true);
     const std::lock_guard lock(b.bus->mutex);
     const unsigned long request = umockdev_ioctl_client_get_request(client);
     UMockdevIoctlData* arg = umockdev_ioctl_client_get_arg(client);
