@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <charconv>
+#include <utility>
 
 #include "devices/loop/clock.h"
 #include "meshes/input_error.h"
@@ -28,6 +29,17 @@ struct Descriptor {
     int fd;
 };
 
+constexpr int read_at_once = 5000;  ///< more than a terminal keeps; whoever sends without end holds nobody up
+
+/// What waits unread where nobody has asked for a while was said then, not now.
+class Attention {
+  public:
+    bool lapsed(double now) { return now - std::exchange(asked_, now) > 0.25; }
+
+  private:
+    double asked_ = -1e9;
+};
+
 /// A key that repeats: first after the pause that keyboards make, then often.
 class Key final : public DeadMan {
   public:
@@ -41,8 +53,11 @@ class Key final : public DeadMan {
     ~Key() override { tcsetattr(STDIN_FILENO, TCSANOW, &before_); }
     bool held() override {
         const double now = device_clock();
+        const bool stale = attention_.lapsed(now);
         char c;
-        for (pollfd p{STDIN_FILENO, POLLIN, 0}; ::poll(&p, 1, 0) > 0 && ::read(STDIN_FILENO, &c, 1) == 1;) {
+        pollfd p{STDIN_FILENO, POLLIN, 0};
+        for (int k = 0; k<read_at_once&& ::poll(&p, 1, 0)> 0 && ::read(STDIN_FILENO, &c, 1) == 1; ++k) {
+            if (stale) continue;
             if (c == '\n' || c == '\r') {
                 enter_ = true;
                 continue;
@@ -57,6 +72,7 @@ class Key final : public DeadMan {
   private:
     static constexpr double before_repeats = 0.7, between_repeats = 0.2;  ///< [s]
     termios before_{};
+    Attention attention_;
     double last_ = -1e9, patience_ = 0;
 };
 
@@ -69,7 +85,7 @@ class Joystick final : public DeadMan {
     bool held() override {
         js_event e;
         ssize_t n = 0;
-        while ((n = ::read(file_.fd, &e, sizeof e)) == ssize_t(sizeof e)) {
+        for (int k = 0; k < read_at_once && (n = ::read(file_.fd, &e, sizeof e)) == ssize_t(sizeof e); ++k) {
             if ((e.type & ~JS_EVENT_INIT) != JS_EVENT_BUTTON || e.number >= 64) continue;
             const std::uint64_t bit = std::uint64_t(1) << e.number;
             pressed_ = e.value ? pressed_ | bit : pressed_ & ~bit;
@@ -96,13 +112,17 @@ class Heartbeat final : public DeadMan {
     }
     bool held() override {
         const double now = device_clock();
-        for (char c; ::recv(socket_.fd, &c, 1, 0) == 1;) last_ = c == '1' ? now : -1e9;
+        const bool stale = attention_.lapsed(now);
+        char c;
+        for (int k = 0; k < read_at_once && ::recv(socket_.fd, &c, 1, 0) == 1; ++k)
+            last_ = c == '1' && !stale ? now : -1e9;
         return now - last_ < silence;
     }
 
   private:
     static constexpr double silence = 0.25;  ///< [s]
     Descriptor socket_;
+    Attention attention_;
     double last_ = -1e9;
 };
 
