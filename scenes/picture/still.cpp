@@ -115,7 +115,8 @@ void Painter::paint_scene(const Simulation& s, Image& image, int top, int height
         r.opaque(keep(finger_triangles(s.world, s.fingers[f], most_)));
         Vector3d place, force;
         if (!centre_of_pressure(s.world, s.fingers[f], place, force)) continue;
-        contacts.place.push_back(place);
+        // Of a pad that faces away, its own finger is in front.
+        if (force.dot((camera_.eye - place).normalized()) < 0.25 * force.norm()) contacts.place.push_back(place);
         const Vector3d from = place - 0.022 * std::min(1.0, force.norm() / most_force_) * force.normalized();
         r.opaque(arrow_triangles(from, place, 0.0009, arrow_colour));
     }

@@ -103,6 +103,7 @@ struct LiveRun {
     std::vector<std::string> overrides = arguments.overrides;
     std::unique_ptr<Simulation> simulation{};
     std::unique_ptr<RenderedPadsThread> rendered_pads{};
+    std::unique_ptr<DrawnHands> drawn_hands{};
     std::string holds_time{};  ///< the override by which presets step down to hold real time; empty: none
     Pace pace{};
     bool paused = false;
@@ -140,6 +141,7 @@ struct LiveRun {
         pace.begin();
         simulation = std::move(fresh);  // the old one's controllers are free again
         rendered_pads = std::make_unique<RenderedPadsThread>(*simulation);
+        drawn_hands = std::make_unique<DrawnHands>(*simulation);
         text = data["scene"];
         if (!goes_on) open_outside();
         if (goes_on && record) record->change_settings(*simulation, overrides);
@@ -334,7 +336,8 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         const auto now = Clock::now();
         if (now >= next_frame || single) {
             frame.clear();
-            append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), longest_us);
+            append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), *live.drawn_hands,
+                         longest_us);
             live.tell_faults();
             live.tell_silence();
             live.tell_pace();

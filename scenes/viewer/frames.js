@@ -3,9 +3,13 @@
 // metres there, in millimetres here.
 window.addEventListener('error', event => { document.body.dataset.error = event.message; });
 
+const dark = Boolean(window.matchMedia) && window.matchMedia('(prefers-color-scheme: dark)').matches;
 const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), stage = run.stage;
 for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
-const palette = ['#1f6feb', '#d9730d', '#2f9e44', '#c2255c', '#7048e8', '#0c8599', '#a61e4d', '#5c940d', '#862e9c', '#495057'];
+const hand_bone_count = 16;
+const palette = dark  // of fingers
+  ? ['#6ea8fe', '#f0a04b', '#5fcf80', '#f783ac', '#b197fc', '#4dd0e1', '#e599f7', '#c0e070', '#ffd43b', '#ced4da']
+  : ['#1f6feb', '#c05f00', '#2b8a3e', '#c2255c', '#7048e8', '#0c7a8a', '#a61e4d', '#4c7a0c', '#862e9c', '#495057'];
 
 function bytesOf(text) {
   const raw = atob(text), out = new Uint8Array(raw.length);
@@ -49,6 +53,14 @@ function readFrame(view, at) {
     for (let i = 0; i < samples.length; ++i) t.felt.touches.push(view.getUint8(p++));
     frame.thimbles.push(t);
   }
+  frame.hands = stage.hands.map(() => {  // per bone 9 numbers of its linear part, 3 of its translation [mm]
+    const bones = new Float32Array(12 * hand_bone_count);
+    for (let b = 0; b < bones.length; b += 12) {
+      for (let i = 0; i < 9; ++i) bones[b + i] = i16() / 4096;
+      for (let i = 9; i < 12; ++i) bones[b + i] = 1e3 * f32();
+    }
+    return bones;
+  });
   frame.end = p;
   return frame;
 }
@@ -61,15 +73,22 @@ const quantities = {
                f.position[3 * i + 2] - rest[3 * i + 2]) },
 };
 for (const q of Object.values(quantities)) { q.most = q.least; q.peaks = []; }
+/** The scale of each finger's own pad: pressure [kPa] alone. */
+const pad_scales = stage.fingers.map(() => ({ least: 1, most: 1, peaks: [] }));
+/** Not below x, and reads well: 1, 2 or 5 times a power of ten. */
+function roundUp(x) {
+  const power = Math.pow(10, Math.floor(Math.log10(x) + 1e-9)), m = x / power;
+  return power * (m <= 1.000001 ? 1 : m <= 2 ? 2 : m <= 5 ? 5 : 10);
+}
 /** Scales end where 19 of 20 frames with contact have their peak: single spikes do not wash out the rest. */
 function fitScales() {
-  for (const q of Object.values(quantities)) {
+  for (const q of [...Object.values(quantities), ...pad_scales]) {
     const peaks = q.peaks.filter(peak => peak > q.least).sort((a, b) => a - b);
     if (peaks.length > 0) q.most = peaks[Math.floor(0.95 * (peaks.length - 1))];
     if (q.peaks.length > 20000) q.peaks.splice(0, 10000);
   }
+  for (const scale of pad_scales) scale.most = roundUp(scale.most);
 }
-const limit_colour = [0.12, 0.3, 0.85];
 // From skin over red and purple to nearly black: lightness falls evenly, so that it reads without seeing colours.
 const skin_colours = [[236, 196, 172], [244, 143, 98], [222, 78, 88], [164, 38, 104], [98, 18, 104], [38, 8, 60]];
 function skinColour(t) {

@@ -15,10 +15,12 @@ const key_actions = [
   ['c', 'next colouring', () => nextOf('colour')],
   ['s', 'next speed', () => nextOf('speed')],
   ['f', 'forces', () => toggle('arrows')],
+  ['h', 'the hand', () => toggle('hand')],
   ['t', 'thimbles', () => toggle('platforms')],
   ['o', 'objects', () => toggle('objects')],
   ['n', 'names', () => toggle('names')],
   ['m', 'the mesh', () => toggle('mesh')],
+  ['b', 'pads from below', () => toggle('pads')],
   ['p', 'what fingers feel', () => toggle('felt')],
   ['q', 'one quantity after the other, then all plots', () => nextQuantity()],
   ['z', 'plots: less time', () => zoomTimeBy(0.5)],
@@ -41,8 +43,35 @@ function save(address, name) {
   const link = Object.assign(document.createElement('a'), { download: name, href: address });
   link.click();
 }
+/** The stage as one sees it: what is drawn, and the names and numbers over it. */
+function stagePicture() {
+  const picture = document.createElement('canvas'), g = picture.getContext('2d'), drawn = renderer.domElement;
+  Object.assign(picture, { width: drawn.width, height: drawn.height });
+  g.drawImage(drawn, 0, 0);
+  const from = by('stage').getBoundingClientRect(), scale = drawn.width / from.width;
+  g.scale(scale, scale);
+  for (const line of name_lines.querySelectorAll('line')) {
+    if (name_lines.style.display || line.style.display) continue;
+    g.strokeStyle = line.getAttribute('stroke');
+    g.beginPath();
+    g.moveTo(Number(line.getAttribute('x1')), Number(line.getAttribute('y1')));
+    g.lineTo(Number(line.getAttribute('x2')), Number(line.getAttribute('y2')));
+    g.stroke();
+  }
+  g.textBaseline = 'top';
+  for (const element of by('stage').querySelectorAll('.tag, .pad b, .pad span, .pad em, .pad canvas, #legend div, #legend span, #legend canvas')) {
+    const box = element.getBoundingClientRect(), look = getComputedStyle(element);
+    if (box.width === 0) continue;
+    if (element.tagName === 'CANVAS') g.drawImage(element, box.left - from.left, box.top - from.top, box.width, box.height);
+    if (element.tagName === 'CANVAS' || element.childElementCount > 0) continue;
+    Object.assign(g, { font: `${look.fontWeight} ${look.fontSize} ${look.fontFamily}`, fillStyle: look.color, textAlign: look.textAlign === 'center' ? 'center' : 'left' });
+    const x = look.textAlign === 'center' ? (box.left + box.right) / 2 : box.left;
+    element.textContent.split('\n').forEach((text, k, all) => g.fillText(text, x - from.left, box.top - from.top + k * box.height / all.length));
+  }
+  return picture;
+}
 function savePicture() {
-  save(renderer.domElement.toDataURL('image/png'), `${stage.title} ${frames[now].time.toFixed(3)} s.png`);
+  save(stagePicture().toDataURL('image/png'), `${stage.title} ${frames[now].time.toFixed(3)} s.png`);
 }
 function savePlots() { save('data:image/svg+xml,' + encodeURIComponent(plotsSvg()), stage.title + '.svg'); }
 by('save-picture').onclick = () => { if (frames.length > 0) savePicture(); };

@@ -42,7 +42,8 @@ void ReportRecorder::record(const Simulation& s) {
     longest_us_ = std::max(longest_us_, 1e6 * s.world.profile.total());
     if (s.world.time + 1e-9 < next_) return;
     if (!rendered_pads_) rendered_pads_ = std::make_unique<RenderedPads>(s);
-    append_frame(frames_, s, rendered_pads_->solve(s), longest_us_);
+    if (!hands_) hands_ = std::make_unique<DrawnHands>(s);
+    append_frame(frames_, s, rendered_pads_->solve(s), *hands_, longest_us_);
     ++count_;
     longest_us_ = 0;
     next_ = s.world.time + 1 / rate_;
@@ -56,6 +57,11 @@ std::string page_with(const nlohmann::json& data) {
     replace(page, "/*PLOTS*/", assets::plots());
     replace(page, "/*SKIN*/", assets::skin());
     replace(page, "/*SURROUNDINGS*/", assets::surroundings());
+    replace(page, "/*SCENE*/", assets::scene());
+    replace(page, "/*HAND*/", assets::hand());
+    replace(page, "/*MECHANISM*/", assets::mechanism());
+    replace(page, "/*NAMES*/", assets::names());
+    replace(page, "/*PADS*/", assets::pads());
     replace(page, "/*VIEW*/", assets::view());
     replace(page, "/*KEYS*/", assets::keys());
     replace(page, "/*DATA*/", safe_in_html(data.dump()));

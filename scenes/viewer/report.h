@@ -23,6 +23,7 @@ class ReportRecorder {
     double rate_, next_ = 0, longest_us_ = 0;
     std::vector<std::uint8_t> frames_;
     std::unique_ptr<RenderedPads> rendered_pads_;
+    std::unique_ptr<DrawnHands> hands_;
     int count_ = 0;
 };
 

@@ -37,18 +37,36 @@ function normalsOf(position, triangles) {
   return normal;
 }
 
-/** Skin of a finger; show(position [mm], value, colour) moves it, with colour(value at a point) there. */
+/** Coloured by the attribute `value` and the uniforms most and limited: where that is 1, what lies beyond twice the scale is
+    at a limit, and blue. */
+function skinMaterial() {
+  const material = new THREE.MeshLambertMaterial({ side: THREE.DoubleSide });
+  material.scale = { most: { value: 1 }, limited: { value: 0 } };
+  material.onBeforeCompile = shader => {
+    Object.assign(shader.uniforms, material.scale, { ramp: { value: skin_colours.map(c => new THREE.Vector3(...c.map(x => x / 255))) } });
+    shader.vertexShader = 'attribute float value; varying float shown;\n' +
+      shader.vertexShader.replace('#include <begin_vertex>', '#include <begin_vertex>\nshown = value;');
+    shader.fragmentShader = `uniform float most, limited; uniform vec3 ramp[${skin_colours.length}]; varying float shown;\n` +
+      shader.fragmentShader.replace('#include <color_fragment>', `
+        diffuseColor.rgb = ramp[0];
+        for (int k = 0; k < ${skin_colours.length - 1}; ++k)
+          diffuseColor.rgb = mix(diffuseColor.rgb, ramp[k + 1], clamp(${skin_colours.length - 1}.0 * shown / most - float(k), 0.0, 1.0));
+        if (limited > 0.5 && shown > 2.0 * most) diffuseColor.rgb = vec3(0.12, 0.3, 0.85);`);
+  };
+  return material;
+}
+
+/** Skin of a finger; show(position [mm], value(node)) moves and colours it. */
 function skinOf(finger) {
   const { triangles } = finger, faces = triangles.length / 3, per_face = lattice.weights.length;
   const geometry = new THREE.BufferGeometry(), count = faces * per_face;
-  for (const name of ['position', 'normal', 'color'])
-    geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  for (const [name, size] of [['position', 3], ['normal', 3], ['value', 1]])
+    geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(size * count), size));
   const index = [];
   for (let f = 0; f < faces; ++f)
     for (const t of lattice.triangles) for (const corner of t) index.push(f * per_face + corner);
   geometry.setIndex(index);
-  const mesh = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial(
-    { vertexColors: THREE.VertexColors, side: THREE.DoubleSide }));
+  const material = skinMaterial(), mesh = new THREE.Mesh(geometry, material);
   const lines = new THREE.BufferGeometry();
   lines.setAttribute('position', new THREE.BufferAttribute(new Float32Array(finger.rest), 3));
   lines.setIndex(triangles);
@@ -59,38 +77,56 @@ function skinOf(finger) {
   const group = new THREE.Group();
   group.add(mesh, edges);
 
-  const at = geometry.attributes, linear = new Float32Array(3);
-  function show(position, value, colour) {
+  const at = geometry.attributes, weights = lattice.weights;
+  function paint(attribute, value) {
+    for (let f = 0, k = 0; f < faces; ++f) {
+      const a = value(triangles[3 * f]), b = value(triangles[3 * f + 1]), c = value(triangles[3 * f + 2]);
+      for (const w of weights) attribute.array[k++] = w[0] * a + w[1] * b + w[2] * c;
+    }
+    attribute.needsUpdate = true;
+  }
+  const linear = new Float32Array(3);
+  function show(position, value) {
     const normal = normalsOf(position, triangles);
     for (let f = 0, k = 0; f < faces; ++f) {
-      const corner = [triangles[3 * f], triangles[3 * f + 1], triangles[3 * f + 2]];
-      const values = [value(corner[0]), value(corner[1]), value(corner[2])];
-      for (const w of lattice.weights) {
+      const corner = [3 * triangles[3 * f], 3 * triangles[3 * f + 1], 3 * triangles[3 * f + 2]];
+      for (const w of weights) {
         for (let d = 0; d < 3; ++d) {
           linear[d] = 0;
           let n = 0;
           for (let c = 0; c < 3; ++c) {
-            linear[d] += w[c] * position[3 * corner[c] + d];
-            n += w[c] * normal[3 * corner[c] + d];
+            linear[d] += w[c] * position[corner[c] + d];
+            n += w[c] * normal[corner[c] + d];
           }
           at.normal.array[k + d] = n;
         }
         let x = linear[0], y = linear[1], z = linear[2];
         for (let c = 0; c < 3; ++c) {
-          const i = 3 * corner[c];
+          const i = corner[c];
           const off = towards_tangents * w[c] * ((linear[0] - position[i]) * normal[i] + (linear[1] - position[i + 1]) *
             normal[i + 1] + (linear[2] - position[i + 2]) * normal[i + 2]);
           x -= off * normal[i]; y -= off * normal[i + 1]; z -= off * normal[i + 2];
         }
         at.position.array[k] = x; at.position.array[k + 1] = y; at.position.array[k + 2] = z;
-        at.color.array.set(colour(w[0] * values[0] + w[1] * values[1] + w[2] * values[2]), k);
         k += 3;
       }
     }
-    for (const name of ['position', 'normal', 'color']) at[name].needsUpdate = true;
+    at.position.needsUpdate = at.normal.needsUpdate = true;
+    paint(at.value, value);
     if (!edges.visible) return;
     lines.attributes.position.array.set(position);
     lines.attributes.position.needsUpdate = true;
   }
-  return { group, edges, show };
+  /** The same shape, coloured by another field. */
+  function twin() {
+    const other = new THREE.BufferGeometry(), values = new THREE.BufferAttribute(new Float32Array(count), 1);
+    other.setAttribute('position', at.position);
+    other.setAttribute('normal', at.normal);
+    other.setAttribute('value', values);
+    other.setIndex(geometry.index);
+    const of_same_shape = new THREE.Mesh(other, skinMaterial());
+    of_same_shape.frustumCulled = false;
+    return { mesh: of_same_shape, scale: of_same_shape.material.scale, paint: value => paint(values, value) };
+  }
+  return { group, edges, show, twin, scale: material.scale };
 }

@@ -2,18 +2,15 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "engine/math/svd3.h"
+#include "scenes/viewer/bytes.h"
 
 namespace palpate {
 
 namespace {
-
-static_assert(std::endian::native == std::endian::little, "frames are little-endian");
 
 /// Nodes of the surface, in the order of their first appearance in its triangles.
 std::vector<int> skin_nodes(const TetMesh& mesh) {
@@ -25,20 +22,8 @@ std::vector<int> skin_nodes(const TetMesh& mesh) {
     return nodes;
 }
 
-template <class T>
-void put(std::vector<std::uint8_t>& out, T value) {
-    const std::size_t at = out.size();
-    out.resize(at + sizeof(T));
-    std::memcpy(out.data() + at, &value, sizeof(T));
-}
 void put_floats(std::vector<std::uint8_t>& out, std::initializer_list<double> values) {
     for (double v : values) put(out, float(v));
-}
-/// In units of `unit`, at the ends of the type's range where it does not fit.
-template <class T>
-void put_scaled(std::vector<std::uint8_t>& out, double value, double unit) {
-    const double scaled = std::isfinite(value) ? std::round(value / unit) : 0;
-    put(out, T(std::clamp(scaled, double(std::numeric_limits<T>::min()), double(std::numeric_limits<T>::max()))));
 }
 void put_pose(std::vector<std::uint8_t>& out, const Pose<double>& p) {
     put_floats(out, {p.position.x, p.position.y, p.position.z, p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z});
@@ -190,11 +175,13 @@ nlohmann::json stage_of(const Simulation& s) {
         stage["objects"].back()["triangles"] = triangles;
     }
     for (const Matching& m : s.world.matchings) stage["thimbles"].push_back(thimble_json(s, m));
+    stage["hand_skin"] = hand_skin_json();
+    stage["hands"] = hands_json(s.scene);
     return stage;
 }
 
 void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std::vector<RenderedPad>& rendered_pads,
-                  double longest_step_us) {
+                  DrawnHands& hands, double longest_step_us) {
     put_floats(out, {s.world.time, longest_step_us});
     for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
     for (const RigidShape& o : s.world.shapes) put_pose(out, o.pose);
@@ -204,6 +191,7 @@ void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std
         append_rendered(out, s.world.skins.find(m.finger)->mesh, *s.world.contact_surfaces.find(m.finger),
                         rendered_pads[t]);
     }
+    hands.append(out, s);
 }
 
 }  // namespace palpate

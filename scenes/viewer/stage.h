@@ -6,12 +6,13 @@
 #include <vector>
 
 #include "scenes/run/simulation.h"
+#include "scenes/viewer/drawn_hands.h"
 #include "scenes/viewer/rendered_pads.h"
 
 namespace palpate {
 
 /// Everything that does not change during a run: fingers with their skin's triangles and rest shape (bone frame),
-/// objects, thimbles with joint limits. Lengths in metres.
+/// objects, thimbles with joint limits, hands (drawn_hands.h). Lengths in metres.
 nlohmann::json stage_of(const Simulation& simulation);
 
 /// Appends the state now, little-endian, in the stage's order: time f32; longest step since the last frame f32 [us];
@@ -20,8 +21,8 @@ nlohmann::json stage_of(const Simulation& simulation);
 /// per sample contact force 3 i16 [0.2 mN]; per object: pose 7 f32; per thimble: platform pose 7 f32 (finger frame),
 /// joint angles f32, matching residual f32 [m], contact u32, points of its links i16 [10 um, finger frame]; of the pad
 /// on its platform: force f32 [N], per skin node x, y, z i16 [2 um, bone frame] and pressure u16 [0.01 kPa], per sample
-/// u8: 1 where it touches the object, plus 2 where it touches the platform.
+/// u8: 1 where it touches the object, plus 2 where it touches the platform; then what DrawnHands appends.
 void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation,
-                  const std::vector<RenderedPad>& rendered_pads, double longest_step_us);
+                  const std::vector<RenderedPad>& rendered_pads, DrawnHands& hands, double longest_step_us);
 
 }  // namespace palpate

@@ -1,112 +1,25 @@
 'use strict';
-// The scene in three dimensions, its controls, and where frames come from: all at once in a report, as they come in the
-// live viewer. Lengths in millimetres.
+// What is shown of a frame and from where, controls, and where frames come from: all at once in a report, as they come in
+// the live viewer.
 
-// ---- the 3-D scene -----------------------------------------------------------------------------------------------
+// ---- showing a frame ---------------------------------------------------------------------------------------------
 
-const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
-by('stage').appendChild(renderer.domElement);
-const scene = new THREE.Scene();
-const camera = new THREE.PerspectiveCamera(32, 1, 1, 4000);
-camera.up.set(0, 0, 1);
-const controls = new THREE.OrbitControls(camera, renderer.domElement);
-scene.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85));
-const sun = new THREE.DirectionalLight('#ffffff', 0.4);
-sun.position.set(1, -1.2, 1.6);
-scene.add(sun);
+const view = { target: new THREE.Vector3(), beside: new THREE.Vector3(), finger: -1 };
+const frames = [], most_frames = run.live ? 1800 : Infinity;
+let now = 0, playing = true, elapsed = 0, largest_force = 1e-6, largest_sum = 0.5;
+let contacts = [];  // of the frame shown
 
-function place(object, pose) {
-  object.position.set(1e3 * pose[0], 1e3 * pose[1], 1e3 * pose[2]);
-  object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
+let sharpening = null;
+function sharpenSoon() {
+  clearTimeout(sharpening);
+  sharpening = setTimeout(() => { if (!playing) draw(2); }, 250);
 }
-
-/** A disk of a thimble, z towards the pad. */
-function diskOf(thimble) {
-  const disk = new THREE.Group(), r = 1e3 * thimble.radius;
-  disk.add(new THREE.Mesh(new THREE.CircleGeometry(r, 48), new THREE.MeshLambertMaterial(
-    { color: '#2f9e44', transparent: true, opacity: 0.16, side: THREE.DoubleSide, depthWrite: false })));
-  const rim = new THREE.BufferGeometry().setFromPoints(Array.from({ length: 65 }, (_, k) =>
-    new THREE.Vector3(r * Math.cos(k * Math.PI / 32), r * Math.sin(k * Math.PI / 32), 0)));
-  disk.add(new THREE.Line(rim, new THREE.LineBasicMaterial({ color: '#1b7a33' })));
-  return disk;
-}
-
-const dark = window.matchMedia && window.matchMedia('(prefers-color-scheme: dark)').matches;
-const air = dark ? '#1b2028' : '#eef1f5';
-renderer.setClearColor(air);
-scene.background = new THREE.Color(air);
-const tags = stage.fingers.map((finger, k) => nameTag(finger.name, palette[k % palette.length]));
-
-const fingers = stage.fingers.map(finger => {
-  const skin = skinOf(finger);
-  scene.add(skin.group);
-  const lines = new THREE.BufferGeometry();
-  lines.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6 * finger.samples.length), 3));
-  const arrows = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: '#b3261e', depthTest: false }));
-  arrows.frustumCulled = false;
-  scene.add(arrows);
-  return { ...skin, arrows };
-});
-
-const objects = stage.objects.map((object, k) => {
-  const group = objectOf(object, k);
-  scene.add(group);
-  return group;
-});
-let ground = null;
-const platforms = stage.thimbles.map(thimble => {
-  const holder = new THREE.Group(), disk = diskOf(thimble);
-  holder.add(disk);
-  const links = thimble.links.map(count => {
-    const shape = new THREE.BufferGeometry();
-    shape.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
-    const line = new THREE.Line(shape, new THREE.LineBasicMaterial({ color: '#3d6b4a' }));
-    line.frustumCulled = false;
-    holder.add(line);
-    return shape.attributes.position;
-  });
-  scene.add(holder);
-  // Samples that touch: the object and the platform, the object alone, the platform alone.
-  const dots = new THREE.BufferGeometry(), count = stage.fingers[thimble.finger].samples.length;
-  dots.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
-  dots.setAttribute('color', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
-  const points = new THREE.Points(dots, new THREE.PointsMaterial(
-    { size: 7, sizeAttenuation: false, vertexColors: THREE.VertexColors, depthTest: false, transparent: true }));
-  points.frustumCulled = false;
-  scene.add(points);
-  return { holder, disk, links, points };
-});
-const touchColours = [[0, 0, 0], [0.85, 0.45, 0.05], [0.12, 0.44, 0.92], [0.1, 0.55, 0.2]];
-
-// ---- insets: what the users' fingers undergo ------------------------------------------------------------------------
-
-const insets = stage.thimbles.map((thimble, k) => {
-  const inset = new THREE.Scene(), skin = skinOf(stage.fingers[thimble.finger]), disk = diskOf(thimble);
-  inset.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85), sun.clone(), skin.group, disk);
-  inset.background = new THREE.Color(dark ? '#232a34' : '#fbfcfd');
-  const label = document.createElement('div');
-  label.className = 'felt';
-  by('stage').append(label);
-  return { scene: inset, skin, disk, label };
-});
-const insetCamera = new THREE.PerspectiveCamera(25, 1, 1, 400);
-insetCamera.up.set(0, 0, 1);
-insetCamera.position.set(66, -75, -39);
-insetCamera.lookAt(0, 0, -2);
-
-function showInset(k, t) {
-  const { skin, disk } = insets[k];
-  skin.show(t.felt.position, i => t.felt.pressure[i], value => skinColour(value / quantities.pressure.most));
-  place(disk, t.pose);
-}
-/** Height of the row of insets at the bottom of the stage, labels included; 0 without them. */
-function insetRow() {
-  const side = Math.min(150, Math.floor(by('stage').clientWidth / Math.max(1, insets.length)) - 9);
-  return by('felt').checked && insets.length > 0 ? { side, height: side + 46 } : { side, height: 0 };
-}
-/** The scene, and the insets below it. */
-function draw() {
-  const { clientWidth: width, clientHeight: height } = by('stage'), row = insetRow();
+/** The scene, and the pads below it; in software, once more and finer where it stays. */
+function draw(fineness = 1) {
+  const ratio = fineness * (window.devicePixelRatio || 1);
+  if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
+  if (drawn_in_software && fineness === 1) sharpenSoon();
+  const { clientWidth: width, clientHeight: all } = by('stage'), rows = padRows(width, all), height = all - rows.height;
   renderer.setScissorTest(false);
   renderer.clear();
   renderer.setScissorTest(true);
@@ -115,23 +28,14 @@ function draw() {
     renderer.setScissor(x, y, w, h);
     renderer.render(what, from);
   };
-  camera.aspect = width / Math.max(1, height - row.height);
+  camera.aspect = width / Math.max(1, height);
   camera.updateProjectionMatrix();
-  part(0, row.height, width, height - row.height, scene, camera);
-  fingers.forEach(({ group }, k) => tags[k](new THREE.Vector3(-4, 0, 9).applyMatrix4(group.matrixWorld), camera, width,
-                                           height - row.height, by('names').checked && frames.length > 0));
-  insets.forEach((inset, k) => {
-    const x = 8 + k * (row.side + 8);
-    inset.label.hidden = row.height === 0;
-    Object.assign(inset.label.style, { left: x + 'px', bottom: (row.side + 10) + 'px', width: row.side + 'px' });
-    if (row.height > 0) part(x, 8, row.side, row.side, inset.scene, insetCamera);
-  });
+  camera.updateMatrixWorld();
+  showContacts(contacts, camera);
+  part(0, rows.height, width, height, scene, camera);
+  showNames(frames[now], width, height);
+  drawPads(rows, width, part);
 }
-
-// ---- showing a frame ---------------------------------------------------------------------------------------------
-
-const frames = [], most_frames = run.live ? 1800 : Infinity;
-let now = 0, playing = true, elapsed = 0, largest_force = 1e-6;
 
 /** Takes a frame; a time before the last one's means that the run began anew. */
 function addFrame(frame) {
@@ -151,7 +55,9 @@ function addFrame(frame) {
       let peak = 0;
       for (let i = 0; i < f.pressure.length; ++i) peak = Math.max(peak, q.of(f, i, rest));
       q.peaks.push(peak);
+      if (q === quantities.pressure) pad_scales[k].peaks.push(peak);
     }
+    largest_sum = Math.max(largest_sum, f.force);
     for (let i = 0; i < f.forces.length; i += 3)
       largest_force = Math.max(largest_force, Math.hypot(f.forces[i], f.forces[i + 1], f.forces[i + 2]));
   });
@@ -161,27 +67,36 @@ function addFrame(frame) {
 }
 
 function showFinger(k, f) {
-  const { group, edges, arrows } = fingers[k], q = quantities[by('colour').value], { rest } = stage.fingers[k];
+  const { group, edges, lines, arrow, show: move, scale } = fingers[k], q = quantities[by('colour').value];
+  const { rest, samples } = stage.fingers[k], stretch = q === quantities.stretch;
   place(group, f.bone);
   edges.visible = by('mesh').checked;
-  const stretch = q === quantities.stretch;
-  // Beyond twice the scale: at a limit.
-  fingers[k].show(f.position, i => stretch && f.limited[i] ? 3 * q.most : q.of(f, i, rest),
-                  value => stretch && value > 2 * q.most ? limit_colour : skinColour(value / q.most));
+  scale.most.value = q.most, scale.limited.value = Number(stretch);
+  move(f.position, i => stretch && f.limited[i] ? 3 * q.most : q.of(f, i, rest));  // beyond twice the scale: at a limit
   group.updateMatrixWorld();
-  const line = arrows.geometry.attributes.position.array, scale = 12 / largest_force, x = new THREE.Vector3();
-  stage.fingers[k].samples.forEach((node, s) => {
+  // Forces: their sum, which ends at the centre of pressure; of one finger looked at alone, each sample's.
+  const centre = centreOfPressure(f, samples), sum = new THREE.Vector3(), x = new THREE.Vector3();
+  for (let i = 0; i < f.forces.length; i += 3) sum.add(x.fromArray(f.forces, i));
+  arrow.visible = Boolean(centre) && by('arrows').checked;
+  if (centre) {
+    const place = new THREE.Vector3(...centre).applyMatrix4(group.matrixWorld);
+    contacts.push({ at: place, force: sum });
+    if (sum.length() > 1e-9) arrow.point(place, sum.clone().setLength(22 * Math.min(1, sum.length() / largest_sum)));
+  }
+  lines.visible = by('arrows').checked && view.finger === k;
+  if (!lines.visible) return;
+  const line = lines.geometry.attributes.position, length = 12 / largest_force;
+  samples.forEach((node, s) => {
     x.fromArray(f.position, 3 * node).applyMatrix4(group.matrixWorld);
-    line.set([x.x, x.y, x.z, x.x + scale * f.forces[3 * s], x.y + scale * f.forces[3 * s + 1],
-              x.z + scale * f.forces[3 * s + 2]], 6 * s);
+    line.array.set([x.x, x.y, x.z, x.x + length * f.forces[3 * s], x.y + length * f.forces[3 * s + 1],
+                    x.z + length * f.forces[3 * s + 2]], 6 * s);
   });
-  arrows.geometry.attributes.position.needsUpdate = true;
-  arrows.visible = by('arrows').checked;
+  line.needsUpdate = true;
 }
 
 function showTouches(k, frame, t) {
   const { finger } = stage.thimbles[k], { samples } = stage.fingers[finger], f = frame.fingers[finger];
-  const { points } = platforms[k], at = points.geometry.attributes, x = new THREE.Vector3();
+  const { points } = thimbles[k], at = points.geometry.attributes, x = new THREE.Vector3();
   let shown = 0;
   samples.forEach((node, s) => {
     if (!t.felt.touches[s]) return;
@@ -198,28 +113,28 @@ function show(index) {
   if (frames.length === 0) return;
   now = Math.max(0, Math.min(frames.length - 1, index));
   const frame = frames[now];
+  contacts = [];
   frame.fingers.forEach((f, k) => showFinger(k, f));
-  if (!ground && stage.objects.length > 0 && !stage.objects.some(object => object.kind === 'plane')) {
-    const all = new THREE.Group();
-    frame.objects.forEach((pose, k) => { place(objects[k], pose); all.add(objects[k].clone()); });
-    ground = groundBelow(all);
+  frame.objects.forEach((pose, k) => {
+    place(objects[k], pose);
+    if (objects[k].settle) objects[k].settle();
+    objects[k].visible = by('objects').checked;
+  });
+  if (!ground && objects.length > 0 && !stage.objects.some(object => object.kind === 'plane')) {
+    ground = groundBelow(objects);
     scene.add(ground);
   }
-  frame.objects.forEach((pose, k) => { place(objects[k], pose); objects[k].visible = by('objects').checked; });
-  frame.thimbles.forEach((t, k) => {
-    place(platforms[k].holder, frame.fingers[stage.thimbles[k].finger].bone);
-    place(platforms[k].disk, t.pose);
-    t.links.forEach((points, j) => {
-      platforms[k].links[j].array.set(points);
-      platforms[k].links[j].needsUpdate = true;
-    });
-    platforms[k].holder.visible = by('platforms').checked;
-    showTouches(k, frame, t);
-    showInset(k, t);
-    const wanted = frame.fingers[stage.thimbles[k].finger].force;
-    insets[k].label.textContent =
-      `${stage.fingers[stage.thimbles[k].finger].name}\nfeels ${t.felt.force.toFixed(2)} of ${wanted.toFixed(2)} N`;
+  frame.hands.forEach((bones, k) => {
+    hands[k].group.visible = by('hand').checked;
+    if (by('hand').checked) hands[k].show(bones);
   });
+  frame.thimbles.forEach((t, k) => {
+    place(thimbles[k].holder, frame.fingers[stage.thimbles[k].finger].bone);
+    thimbles[k].show(t);
+    thimbles[k].holder.visible = by('platforms').checked;
+    showTouches(k, frame, t);
+  });
+  showPads(frame);
   by('when').max = frames.length - 1;
   by('when').value = now;
   by('time').textContent = frame.time.toFixed(2) + ' s';
@@ -247,11 +162,11 @@ function showNumbers(frame) {
 
 // ---- camera and controls -----------------------------------------------------------------------------------------
 
-const view = { target: new THREE.Vector3(), finger: -1 };
+function bonePlace(f) { return new THREE.Vector3(1e3 * f.bone[0], 1e3 * f.bone[1], 1e3 * f.bone[2]); }
 function middleOf(frame, finger) {
   const chosen = finger < 0 ? frame.fingers : [frame.fingers[finger]], out = new THREE.Vector3();
-  for (const f of chosen) out.add(new THREE.Vector3(1e3 * f.bone[0], 1e3 * f.bone[1], 1e3 * f.bone[2]));
-  return out.divideScalar(chosen.length);
+  for (const f of chosen) out.add(bonePlace(f));
+  return out.divideScalar(chosen.length).add(view.beside);
 }
 /** The camera keeps its place relative to what it looks at. */
 function follow() {
@@ -261,16 +176,19 @@ function follow() {
   view.target.copy(target);
   controls.update();
 }
+/** Looks at all fingers and their hand from the front right and above; at one, a little from below, where its pad touches. */
 function aim(finger) {
   if (frames.length === 0) return;
   view.finger = finger;
-  const target = middleOf(frames[now], finger);
+  view.beside.set(0, 0, 0);
+  const middle = middleOf(frames[now], finger), { clientWidth: width, clientHeight: height } = by('stage');
+  const narrow = Math.max(1, 1.5 * (height - padRows(width, height).height) / width);
   let reach = 30;
-  for (const f of frames[now].fingers)
-    if (finger < 0) reach = Math.max(reach, 26 + target.distanceTo(new THREE.Vector3(1e3 * f.bone[0], 1e3 * f.bone[1], 1e3 * f.bone[2])));
-  // From the front right and a little below, where pads touch; planes are glass.
-  camera.position.copy(target).add(new THREE.Vector3(0.75, -0.85, -0.35).normalize().multiplyScalar(2.7 * reach));
-  view.target.copy(target);
+  if (finger < 0) for (const f of frames[now].fingers) reach = Math.max(reach, 30 + middle.distanceTo(bonePlace(f)));
+  if (finger < 0) view.beside.set(-0.1 * reach, 0, 0.16 * reach);
+  const from = finger < 0 ? new THREE.Vector3(0.70, -0.62, 0.30) : new THREE.Vector3(0.75, -0.85, -0.35);
+  view.target.copy(middle).add(view.beside);
+  camera.position.copy(view.target).addScaledVector(from.normalize(), (finger < 0 ? 4.4 : 2.7) * narrow * reach);
   show(now);
 }
 function zoom(by_factor) {
@@ -280,7 +198,6 @@ function zoom(by_factor) {
 }
 function resize() {
   const box = by('stage').getBoundingClientRect();
-  renderer.setPixelRatio(window.devicePixelRatio || 1);
   renderer.setSize(box.width, box.height);
 }
 function legend() {
@@ -304,7 +221,7 @@ by('settings-box').hidden = by('restart').hidden = !run.live;
 stage.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
 by('colour').onchange = () => { legend(); show(now); };
 by('camera').onchange = () => aim(Number(by('camera').value));
-for (const id of ['arrows', 'platforms', 'objects', 'touches', 'felt', 'names', 'mesh']) by(id).onchange = () => show(now);
+for (const id of ['arrows', 'hand', 'platforms', 'objects', 'touches', 'pads', 'felt', 'names', 'mesh']) by(id).onchange = () => show(now);
 
 let tell = () => {};  // the live viewer's way to the simulation
 function play(on) {
@@ -323,7 +240,7 @@ by('rearm').onclick = () => tell({ rearm: true });
 by('restart').onclick = () => tell({ restart: true });
 by('speed').onchange = () => tell({ speed: Number(by('speed').value) });
 by('when').oninput = () => { play(false); show(Number(by('when').value)); };
-controls.addEventListener('change', draw);
+controls.addEventListener('change', () => draw());
 window.addEventListener('resize', () => { resize(); show(now); });
 resize();
 
@@ -338,7 +255,11 @@ function tick(stamp) {
     const from = frames[now].time;
     let next = now;
     while (next + 1 < frames.length && frames[next + 1].time - from <= elapsed) ++next;
-    if (next !== now) { elapsed -= frames[next].time - from; show(next); }
+    if (next !== now) {
+      elapsed -= frames[next].time - from;
+      show(next);
+      if (next === frames.length - 1 && link.has('probe')) console.log('played to the end');  // for tests
+    }
     if (now === frames.length - 1 && elapsed > 1) { elapsed = 0; show(0); }
   }
   requestAnimationFrame(tick);
@@ -436,7 +357,8 @@ if (link.has('probe') && frames.length > 0) probe();
 document.body.dataset.frames = frames.length;
 document.body.dataset.ready = '1';
 
-/** Counts the colours of the picture, and the pixels of strong contact: for tests of what is drawn. */
+/** Counts the colours of the picture, the pixels of strong contact, and the names that are seen whole: for tests of what is
+    drawn. */
 function probe() {
   const w = renderer.domElement.width, h = renderer.domElement.height, pixels = new Uint8Array(4 * w * h), seen = new Set();
   const gl = renderer.getContext();
@@ -446,6 +368,20 @@ function probe() {
     seen.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
     if (pixels[i] > 60 && pixels[i] > 1.5 * pixels[i + 1] && pixels[i] > 1.3 * pixels[i + 2]) ++red;
   }
-  document.body.dataset.colours = seen.size;
-  document.body.dataset.red = red;
+  const stage_box = by('stage').getBoundingClientRect(), labels = [...document.querySelectorAll('.tag, .pad b')];
+  const boxes = labels.map(label => label.getBoundingClientRect());
+  const whole = labels.filter((label, k) => {
+    const box = boxes[k], inside = box.width > 0 && box.left >= stage_box.left && box.right <= stage_box.right &&
+      box.top >= stage_box.top && box.bottom <= stage_box.bottom;
+    const clear = boxes.every((other, j) => j === k || other.width === 0 || box.right <= other.left || other.right <= box.left ||
+      box.bottom <= other.top || other.bottom <= box.top);
+    const parent = label.parentElement, fits = !parent.classList.contains('pad') ||
+      (label.scrollWidth <= parent.clientWidth && parent.scrollHeight <= parent.clientHeight + 1);
+    return inside && clear && fits;
+  });
+  const programs = renderer.info.programs.filter(program => program.diagnostics && !program.diagnostics.runnable);
+  Object.assign(document.body.dataset, { colours: seen.size, red, names: whole.filter(label => label.className === 'tag').map(label => label.textContent).join('|'),
+    pads: whole.filter(label => label.className !== 'tag').map(label => label.textContent).join('|'),
+    across: document.documentElement.scrollWidth - window.innerWidth });
+  if (programs.length > 0) document.body.dataset.error = 'a shader does not compile';
 }

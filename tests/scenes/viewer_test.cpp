@@ -23,10 +23,14 @@
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 #include "tests/real_time.h"
+#include "tests/scenes/browser.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
+
+using testing::attribute, testing::browser_is_installed, testing::column_by_ms, testing::page_of,
+    testing::what_a_browser_says;
 
 const std::string scenes = testing::source_dir() + "/scenes/";
 
@@ -44,18 +48,22 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     std::vector<std::uint8_t> frame;
     RenderedPads pads(s);
     const std::vector<RenderedPad>& felt = pads.solve(s);
-    append_frame(frame, s, felt, 123);
+    DrawnHands hands(s);
+    append_frame(frame, s, felt, hands, 123);
     const auto& finger = stage["fingers"][0];
     const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();
     const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
+    constexpr std::size_t hand_bytes = hand_bone_count * (9 * 2 + 3 * 4);
+    ASSERT_EQ(stage["hands"].size(), 1u);
     EXPECT_EQ(frame.size(), 8 + 36 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
                                 6 * (4 + 4 + 3 * 3) +      // two frames, three legs
-                                4 + 8 * nodes + samples);  // the pad on the platform
+                                4 + 8 * nodes + samples +  // the pad on the platform
+                                hand_bytes);
     // The platform presses about as hard as the table, and touches about the same samples.
     EXPECT_NEAR(felt[0].normal_force, s.world.contact_surfaces[0].normal_force, 0.1);
     int both = 0, either = 0;
     for (std::size_t k = 0; k < samples; ++k) {
-        const int bits = frame[frame.size() - samples + k];
+        const int bits = frame[frame.size() - hand_bytes - samples + k];
         EXPECT_EQ(bits & 1, int(s.world.contact_surfaces[0].touches[k]));
         both += bits == 3, either += bits != 0;
     }
@@ -77,46 +85,29 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     }
     EXPECT_GT(pressure, 1);  // kPa
     for (const auto& t : finger["triangles"]) EXPECT_LT(t.get<std::size_t>(), nodes);
-}
-
-std::string shell(const std::string& command) {
-    FILE* pipe = popen((command + " 2>/dev/null").c_str(), "r");
-    std::string out;
-    char buffer[65536];
-    for (std::size_t n; (n = fread(buffer, 1, sizeof buffer, pipe)) > 0;) out.append(buffer, n);
-    pclose(pipe);
-    return out;
-}
-const std::string browser =
-    "timeout 100 chromium --headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
-    "--window-size=1280,800 --dump-dom ";
-bool browser_is_installed() { return std::system("command -v chromium > /dev/null 2>&1") == 0; }
-/// Opens a page and waits until its console has said a word, or an error; returns which, or all it has said where it
-/// does not come. There is no time but the clock's: a browser that draws in software on busy cores takes long.
-std::string what_a_browser_says(const std::string& url, const std::string& word) {
-    const std::string command =
-        "echo $$; exec timeout -s KILL 200 chromium --headless --no-sandbox --use-gl=angle --use-angle=swiftshader "
-        "--enable-unsafe-swiftshader --window-size=800,600 --enable-logging=stderr '" +
-        url + "' 2>&1";
-    FILE* pipe = popen(command.c_str(), "r");
-    std::string said, found;
-    char line[4096] = "";
-    const int process = fgets(line, sizeof line, pipe) ? std::atoi(line) : 0;
-    while (found.empty() && fgets(line, sizeof line, pipe)) {
-        said += line;
-        for (const std::string& mark : {word, std::string("Uncaught")})
-            if (std::strstr(line, "CONSOLE") && std::strstr(line, mark.c_str())) found = mark;
-    }
-    if (process > 0) kill(process, SIGTERM);
-    pclose(pipe);
-    return found.empty() ? said : found;
-}
-/// The value of an attribute of the page's body; empty if it has none.
-std::string attribute(const std::string& page, const std::string& name) {
-    const std::string mark = name + "=\"";
-    const std::size_t body = page.find("<body"), at = page.find(mark, body);
-    if (body == std::string::npos || at == std::string::npos || at > page.find('>', body)) return "";
-    return page.substr(at + mark.size(), page.find('"', at + mark.size()) - at - mark.size());
+    // The hand of the page is the picture's, to a tenth of a millimetre.
+    const HandParts parts = hands_of(s.scene)[0];
+    HandPoser poser(s, parts);
+    const Surface skin = posed_skin(parts, poser.pose(s));
+    const auto& rest = stage["hand_skin"];
+    ASSERT_EQ(rest["vertices"].size(), 3 * skin.vertices.size());
+    EXPECT_EQ(stage["hands"][0]["triangles"].size(), 3 * skin.triangles.size());
+    auto moved = [&](std::size_t vertex, int bone, int row) {
+        const std::size_t at = frame.size() - hand_bytes + std::size_t(bone) * 30;
+        double x = float_at(frame, at + 18 + 4 * std::size_t(row));
+        for (int d = 0; d < 3; ++d) {
+            std::int16_t entry;
+            std::memcpy(&entry, &frame[at + 2 * std::size_t(3 * row + d)], 2);
+            x += entry / 4096.0 * 1e-5 * rest["vertices"][3 * vertex + std::size_t(d)].get<double>();
+        }
+        return x;
+    };
+    for (std::size_t v = 0; v < skin.vertices.size(); v += 7)
+        for (int d = 0; d < 3; ++d) {
+            const double w = 0.01 * rest["second"][v].get<double>();
+            const double x = (1 - w) * moved(v, rest["bones"][2 * v], d) + w * moved(v, rest["bones"][2 * v + 1], d);
+            ASSERT_NEAR(x, skin.vertices[v][std::size_t(d)], 1.5e-4) << "vertex " << v;
+        }
 }
 
 /// What encodeURIComponent() wrote.
@@ -160,25 +151,6 @@ std::vector<std::pair<double, double>> curve_of(const std::string& svg, const st
     for (double t, v; points >> t >> comma >> v;) out.emplace_back(t, v);
     return out;
 }
-/// A column of a table by time.
-std::map<int, double> column_by_ms(const std::string& file, const std::string& name) {
-    std::ifstream table(file);
-    std::string line, cell;
-    std::getline(table, line);
-    std::istringstream head(line);
-    int wanted = 0;
-    while (std::getline(head, cell, ',') && cell != name) ++wanted;
-    std::map<int, double> out;
-    while (std::getline(table, line)) {
-        std::istringstream row(line);
-        std::getline(row, cell, ',');
-        const int ms = int(std::lround(1e3 * std::stod(cell)));
-        for (int k = 0; k < wanted; ++k) std::getline(row, cell, ',');
-        out[ms] = std::atof(cell.c_str());
-    }
-    return out;
-}
-
 TEST(Report, IsOneFileThatABrowserPlays) {
     testing::ScratchFolder scratch;
     const std::string file = (scratch.path / "report.html").string(), out = (scratch.path / "out").string();
@@ -193,21 +165,20 @@ TEST(Report, IsOneFileThatABrowserPlays) {
     EXPECT_EQ(text.str().find("src=\"http"), std::string::npos);  // opens offline
     EXPECT_EQ(text.str().find("/*DATA*/"), std::string::npos);
     if (!browser_is_installed()) GTEST_SKIP() << "no browser to open it with (Debian package chromium)";
-    const std::string at = "--virtual-time-budget=3000 'file://" + file;
-    const std::string before = shell(browser + at + "#t=0&still=1&probe=1'"),
-                      during = shell(browser + at + "#t=0.5&still=1&probe=1'");
+    const std::string at = "file://" + file;
+    const std::string before = page_of(at + "#t=0&still=1&probe=1"), during = page_of(at + "#t=0.5&still=1&probe=1");
     for (const std::string* page : {&before, &during}) {
         EXPECT_EQ(attribute(*page, "data-ready"), "1");
         EXPECT_EQ(attribute(*page, "data-error"), "");
         EXPECT_GT(std::atoi(attribute(*page, "data-colours").c_str()), 50) << "the picture is blank";
     }
     // By keys: to the end, three frames back, one finger alone, the list of keys.
-    const std::string typed = shell(browser + at + "#still=1&keys=End,ArrowLeft,ArrowLeft,ArrowLeft,1,?'");
-    const std::string last = shell(browser + at + "#still=1&keys=End'");
+    const std::string typed = page_of(at + "#still=1&keys=End,ArrowLeft,ArrowLeft,ArrowLeft,1,?");
+    const std::string last = page_of(at + "#still=1&keys=End");
     EXPECT_EQ(attribute(typed, "data-error"), "");
     EXPECT_NEAR(std::stod(attribute(last, "data-time")) - std::stod(attribute(typed, "data-time")), 0.1, 0.02);
     // What a pointer over the first plot reads is the table's.
-    std::istringstream hover(attribute(shell(browser + at + "#still=1&hover=0.4'"), "data-hover"));
+    std::istringstream hover(attribute(page_of(at + "#still=1&hover=0.4"), "data-hover"));
     double time = 0, force = 0, in_table = -1;
     std::string unit, line;
     EXPECT_TRUE(hover >> time >> unit >> force);
@@ -219,7 +190,7 @@ TEST(Report, IsOneFileThatABrowserPlays) {
     EXPECT_NEAR(force, in_table, 1e-3 * in_table);
     EXPECT_GT(force, 0.1);
     // Plots are chosen, zoomed to the second half and saved; what they hold is the table's.
-    const std::string chosen = shell(browser + at + "#still=1&plots=area,joints&keys=End,z&svg=1'");
+    const std::string chosen = page_of(at + "#still=1&plots=area,joints&keys=End,z&svg=1");
     const std::string svg = decoded(attribute(chosen, "data-svg"));
     EXPECT_EQ(attribute(chosen, "data-error"), "");
     EXPECT_TRUE(well_formed(svg)) << svg;
@@ -235,20 +206,18 @@ TEST(Report, IsOneFileThatABrowserPlays) {
             EXPECT_NEAR(v, column.at(ms), 1e-4 * std::abs(v) + 1e-4) << quantity << " at " << t;
         }
     }
-    const std::string next = decoded(attribute(shell(browser + at + "#still=1&keys=q,q,q&svg=1'"), "data-svg"));
+    const std::string next = decoded(attribute(page_of(at + "#still=1&keys=q,q,q&svg=1"), "data-svg"));
     EXPECT_FALSE(curve_of(next, "peak").empty());
     EXPECT_TRUE(curve_of(next, "area").empty() && curve_of(next, "felt").empty());
     // On a phone, and in the dark, nothing fails.
-    for (const char* look : {"--window-size=390,800 ", "--window-size=1600,900 --force-dark-mode "}) {
-        const std::string page = shell(browser + look + at + "#t=0.5&still=1&probe=1'");
-        EXPECT_EQ(attribute(page, "data-error"), "") << look;
-        EXPECT_GT(std::atoi(attribute(page, "data-colours").c_str()), 50) << look;
+    std::filesystem::create_directories("screenshots");  // kept beside the tests, for whoever wants to see them
+    for (const testing::BrowserWindow& window : {testing::BrowserWindow{390, 800, false, "screenshots/report-390.png"},
+                                                 {1600, 900, true, "screenshots/report.png"}}) {
+        const std::string page = page_of(at + "#t=0.5&still=1&probe=1", window);
+        EXPECT_EQ(attribute(page, "data-error"), "") << window.width;
+        EXPECT_GT(std::atoi(attribute(page, "data-colours").c_str()), 50) << window.width;
+        EXPECT_GT(std::filesystem::file_size(window.screenshot), 20'000u);
     }
-    // Kept beside the tests, for whoever wants to see them.
-    std::filesystem::create_directories("screenshots");
-    shell(browser + "--virtual-time-budget=3000 --screenshot=screenshots/report.png 'file://" + file +
-          "#t=0.5&still=1'");
-    EXPECT_GT(std::filesystem::file_size("screenshots/report.png"), 20'000u);
     // Contact shows: pixels of the scale's deep red.
     EXPECT_GT(std::atoi(attribute(during, "data-red").c_str()), std::atoi(attribute(before, "data-red").c_str()) + 20);
 }

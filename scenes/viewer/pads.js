@@ -1,0 +1,142 @@
+'use strict';
+// Below the scene, each finger's pad from its contact side, the tip up: pressure on a scale of its own, the edge of the
+// touched area, the centre of pressure; and beside it, with a thimble, what its platform makes the pad feel, on the same
+// scale.
+
+const pad_reach = 14.8;  // what a cell shows on each side of a pad's middle [mm]
+const pad_camera = new THREE.OrthographicCamera(-pad_reach, pad_reach, pad_reach, -pad_reach, 1, 400);
+pad_camera.up.set(1, 0, 0);
+pad_camera.position.set(0, 0, -200);
+pad_camera.lookAt(0, 0, 0);
+
+function padCell(kind, finger) {
+  const world = new THREE.Scene(), label = document.createElement('div');
+  world.add(new THREE.HemisphereLight('#ffffff', '#c9ced6', 0.85), sun.clone());
+  world.background = new THREE.Color(dark ? '#20262f' : '#ffffff');
+  label.className = 'pad';
+  label.innerHTML = '<b></b><span></span><i><canvas width="64" height="1"></canvas><em></em></i>';
+  by('stage').append(label);
+  const g = label.querySelector('canvas').getContext('2d');
+  for (let i = 0; i < 64; ++i) {
+    g.fillStyle = 'rgb(' + skinColour(i / 63).map(c => Math.round(255 * c)).join(',') + ')';
+    g.fillRect(i, 0, 1, 1);
+  }
+  const [name, numbers, scale] = ['b', 'span', 'em'].map(part => label.querySelector(part));
+  return { kind, finger, world, label, name, numbers, scale };
+}
+/** Lines drawn over a pad; set(points [mm]) in pairs. */
+function padLines(colour, most) {
+  const shape = new THREE.BufferGeometry(), at = new THREE.BufferAttribute(new Float32Array(6 * most), 3);
+  shape.setAttribute('position', at);
+  const lines = new THREE.LineSegments(shape, new THREE.LineBasicMaterial({ color: colour, depthTest: false, transparent: true }));
+  lines.frustumCulled = false;
+  return { lines, set: points => {
+    at.array.set(points.slice(0, at.array.length));
+    at.needsUpdate = true;
+    shape.setDrawRange(0, Math.min(points.length, at.array.length) / 3);
+  } };
+}
+
+const pads = stage.fingers.map((finger, k) => {
+  const cell = padCell('pad', k), skin = fingers[k].twin();
+  const edge = padLines('#0d0d1a', finger.triangles.length / 3), halo = padLines('#ffffff', 4), cross = padLines('#000000', 2);
+  cell.world.add(skin.mesh, edge.lines, halo.lines, cross.lines);
+  return { ...cell, skin, edge, halo, cross };
+});
+const felt_pads = stage.thimbles.map(thimble => {
+  const cell = padCell('felt', thimble.finger), skin = skinOf(stage.fingers[thimble.finger]), disk = rimOf(thimble, 0.25);
+  cell.world.add(skin.group, disk);
+  return { ...cell, skin, disk };
+});
+
+/** Edge of the touched area: pairs of points where pressure falls to a level. */
+function areaOutline(f, triangles, level) {
+  const points = [];
+  for (let t = 0; t < triangles.length; t += 3) {
+    const cut = [];
+    for (let k = 0; k < 3; ++k) {
+      const a = triangles[t + k], b = triangles[t + (k + 1) % 3], pa = f.pressure[a], pb = f.pressure[b];
+      if ((pa < level) === (pb < level)) continue;
+      const share = (level - pa) / (pb - pa);
+      for (let d = 0; d < 3; ++d) cut.push(f.position[3 * a + d] + share * (f.position[3 * b + d] - f.position[3 * a + d]));
+    }
+    if (cut.length === 6) points.push(...cut);
+  }
+  return points;
+}
+/** Where the forces on a pad's samples act on average, bone frame [mm]; null where nothing presses. */
+function centreOfPressure(f, samples) {
+  const centre = [0, 0, 0];
+  let sum = 0;
+  samples.forEach((node, s) => {
+    const force = Math.hypot(f.forces[3 * s], f.forces[3 * s + 1], f.forces[3 * s + 2]);
+    for (let d = 0; d < 3; ++d) centre[d] += force * f.position[3 * node + d];
+    sum += force;
+  });
+  return sum < 1e-3 ? null : centre.map(x => x / sum);
+}
+
+/** "R thumb" for "right thumb" where there is little room. */
+function shortName(name, width) { return width < 84 ? name.replace(/^(left|right) /, side => side[0].toUpperCase() + ' ') : name; }
+
+function showPads(frame) {
+  for (const pad of pads) {
+    const f = frame.fingers[pad.finger], { name, triangles, samples } = stage.fingers[pad.finger], { most } = pad_scales[pad.finger];
+    let peak = 0;
+    for (const p of f.pressure) peak = Math.max(peak, p);
+    pad.skin.paint(i => f.pressure[i]);
+    pad.skin.scale.most.value = most;
+    pad.edge.set(areaOutline(f, triangles, Math.max(0.3, 0.04 * peak)));
+    const c = centreOfPressure(f, samples);
+    const arms = (size, off) => c ? [c[0] - size, c[1] + off, c[2], c[0] + size, c[1] + off, c[2],
+      c[0] + off, c[1] - size, c[2], c[0] + off, c[1] + size, c[2]] : [];
+    pad.halo.set([...arms(1.8, 0.22), ...arms(1.8, -0.22)]);
+    pad.cross.set(arms(1.6, 0));
+    pad.numbers.textContent = f.force > 5e-4 ? `${f.force.toFixed(2)} N\n${(1e6 * f.area).toFixed(0)} mm²` : 'free';
+    pad.scale.textContent = `${most} kPa`;
+  }
+  frame.thimbles.forEach((t, k) => {
+    const felt = felt_pads[k];
+    felt.skin.show(t.felt.position, i => t.felt.pressure[i]);
+    felt.skin.scale.most.value = pad_scales[felt.finger].most;
+    place(felt.disk, t.pose);
+    felt.name.textContent = by('pads').checked ? 'feels' : `${stage.fingers[felt.finger].name} feels`;
+    felt.numbers.textContent = `${t.felt.force.toFixed(2)} N`;
+    felt.scale.textContent = `${pad_scales[felt.finger].most} kPa`;
+  });
+}
+
+const least_side = 48, label_height = 66, gap = 6;
+/** Cells in as few rows as leave them large enough to read; rows alike, an even number of columns where `pairs`. */
+function rowsOf(cells, pairs, width, height) {
+  let best = null;
+  for (let rows = 1; rows <= 4 && !(best && best.side >= 84); ++rows) {
+    let columns = Math.max(1, Math.ceil(cells.length / rows));
+    if (pairs && columns % 2) ++columns;
+    const side = Math.floor(Math.min(150, (width - gap) / columns - gap, 0.5 * height / rows - label_height));
+    const row = side + label_height;
+    if (!best || side > best.side) best = { cells, columns, side, row, height: cells.length > 0 ? rows * row : 0 };
+  }
+  return best.side >= 30 ? best : { cells: [], height: 0 };
+}
+/** The cells that are asked for; where so many would be too small, those of pads alone. */
+function padRows(width, height) {
+  const both = by('pads').checked && by('felt').checked && felt_pads.length > 0, cells = [];
+  for (const pad of pads) {
+    if (by('pads').checked) cells.push(pad);
+    if (by('felt').checked) cells.push(...felt_pads.filter(felt => felt.finger === pad.finger));
+  }
+  const rows = rowsOf(cells, both && felt_pads.length === pads.length, width, height);
+  return both && !(rows.side >= least_side) ? rowsOf(pads, false, width, height) : rows;
+}
+/** Draws the cells below the scene by part(x, y from below, width, height, world, camera). */
+function drawPads(layout, width, part) {
+  for (const cell of [...pads, ...felt_pads]) cell.label.hidden = !layout.cells.includes(cell);
+  layout.cells.forEach((cell, k) => {
+    if (cell.kind === 'pad') cell.name.textContent = shortName(stage.fingers[cell.finger].name, layout.side);
+    const { columns, side, row } = layout, wide = side + gap, left = (width - columns * wide + gap) / 2;
+    const x = left + (k % columns) * wide, y = layout.height - row * Math.floor(k / columns) - side - 2;
+    part(x, y, side, side, cell.world, pad_camera);
+    Object.assign(cell.label.style, { left: x + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 'px', height: (row - side - 6) + 'px' });
+  });
+}

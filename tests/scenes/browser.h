@@ -1,0 +1,28 @@
+#pragma once
+// Pages in a real browser, where one is installed (Debian package chromium), and tables to compare them with.
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+namespace palpate::testing {
+
+bool browser_is_installed();
+
+struct BrowserWindow {
+    int width = 1280, height = 800;
+    bool dark = false;
+    std::filesystem::path screenshot{};  ///< empty: none is made
+};
+/// The document as it stands when its scripts have run.
+std::string page_of(const std::string& url, const BrowserWindow& window = {});
+/// Opens a page and waits until its console has said a word, or an error; returns which, or all it has said where it
+/// does not come. There is no time but the clock's: a browser that draws in software on busy cores takes long.
+std::string what_a_browser_says(const std::string& url, const std::string& word);
+/// The value of an attribute of the page's body; empty if it has none.
+std::string attribute(const std::string& page, const std::string& name);
+
+/// A column of a table by time [ms].
+std::map<int, double> column_by_ms(const std::string& file, const std::string& name);
+
+}  // namespace palpate::testing
