@@ -17,6 +17,7 @@
 #include "scenes/run/budget.h"
 #include "scenes/run/dead_man.h"
 #include "scenes/run/hardware.h"
+#include "scenes/run/wrapped.h"
 #include "scenes/viewer/report.h"
 
 namespace palpate {
@@ -93,8 +94,16 @@ std::vector<std::string> all_overrides(const RunArguments& a, const std::atomic<
 void tell_of_scene(const RunArguments& a, const Scene& scene) {
     print_warnings(scene);
     if (a.quiet || a.json) return;
-    for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i)
-        std::printf("%s: %s\n", scene.spec.fingers[i].name.c_str(), scene.mesh_notes[i].c_str());
+    // What is true of several fingers is said once.
+    for (std::size_t i = 0; i < scene.mesh_notes.size(); ++i) {
+        std::string names;
+        for (std::size_t k = 0; k < scene.mesh_notes.size(); ++k)
+            if (scene.mesh_notes[k] == scene.mesh_notes[i])
+                names += (names.empty() ? "" : ", ") + scene.spec.fingers[k].name;
+        const auto first = std::find(scene.mesh_notes.begin(), scene.mesh_notes.end(), scene.mesh_notes[i]);
+        if (first == scene.mesh_notes.begin() + std::ptrdiff_t(i))
+            std::printf("%s", wrapped(names + ": " + scene.mesh_notes[i]).c_str());
+    }
     for (const auto& recording : scene.recordings)
         if (recording && !recording->note.empty()) std::printf("recorded hand: %s\n", recording->note.c_str());
 }
@@ -104,9 +113,11 @@ void tell_results(const RunArguments& a, const Summary& summary, const ResultsFo
                   const std::filesystem::path& folder, const std::vector<std::string>& replaced) {
     if (a.json) std::printf("%s\n", to_json(summary).dump(2).c_str());
     if (a.json || a.quiet) return;
-    std::printf("\n%s\n%zu files in %s (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)\n",
-                to_text(summary).c_str(), results.files(), folder.string().c_str());
-    for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
+    std::printf("\n%s\n%s", to_text(summary).c_str(),
+                wrapped(std::to_string(results.files()) + " files in " + folder.string() +
+                        " (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)")
+                    .c_str());
+    for (const std::string& sentence : replaced) std::printf("%s", wrapped(folder.string() + ": " + sentence).c_str());
 }
 
 int run_scene(RunArguments a, const std::atomic<bool>& stop) {

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
+
+#include "scenes/run/wrapped.h"
 
 namespace palpate {
 
@@ -187,39 +188,32 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
 }
 
 std::string to_text(const std::vector<BodySummary>& bodies) {
-    std::ostringstream out;
-    char line[300];
+    std::string out;
     for (const BodySummary& b : bodies) {
+        const char* name = b.name.c_str();
         if (b.held_s <= 0) {
-            std::snprintf(line, sizeof line, "\n%s was never held by fingers alone\n", b.name.c_str());
-            out << line;
+            out += wrapped(written("%s was never held by fingers alone", name));
         } else {
-            std::snprintf(
-                line, sizeof line,
-                "\n%s was held for %.2f s: slip %.3f mm, drift in the last quarter %.4f mm, force balance %.1e "
-                "of its weight, %.1f %% of steps converged\n",
-                b.name.c_str(), b.held_s, b.slip_mm, b.drift_mm, b.balance, 100 * b.converged_share);
-            out << line;
-            std::snprintf(line, sizeof line, "  %-10s %9s %15s %9s %10s %9s %12s\n", "finger", "grip N",
-                          "friction used %", "slip mm", "weakest N", "weight N", "twist N mm");
-            out << line;
-            for (const GripSummary& g : b.grips) {
-                std::snprintf(line, sizeof line, "  %-10s %9.3f %15.1f %9.3f %10.3f %9.3f %12.3f\n", g.finger.c_str(),
-                              g.mean_N, 100 * g.friction_use, g.slip_mm, g.reserve.weakest_N, g.reserve.load_N,
-                              g.reserve.twist_N_mm);
-                out << line;
-            }
+            out +=
+                "\n" + wrapped(written("%s was held for %.2f s: slip %.3f mm, drift in the last quarter %.4f mm, force "
+                                       "balance %.1e of its weight, %.1f %% of steps converged",
+                                       name, b.held_s, b.slip_mm, b.drift_mm, b.balance, 100 * b.converged_share));
+            out += written("  %-12s %8s %9s %8s %9s %9s %9s\n", "", "grip", "friction", "slip", "weakest", "weight",
+                           "twist");
+            out += written("  %-12s %8s %9s %8s %9s %9s %9s\n", "finger", "N", "used %", "mm", "N", "N", "N mm");
+            for (const GripSummary& g : b.grips)
+                out += written("  %-12s %8.3f %9.1f %8.3f %9.3f %9.3f %9.3f\n", g.finger.c_str(), g.mean_N,
+                               100 * g.friction_use, g.slip_mm, g.reserve.weakest_N, g.reserve.load_N,
+                               g.reserve.twist_N_mm);
             if (b.slip_mm > 1)
-                out << "  " << b.name << " slipped through the fingers: grip harder, or give it more friction\n";
-            if (b.dropped_at_s >= 0) {
-                std::snprintf(line, sizeof line, "  %s was dropped at t = %.2f s\n", b.name.c_str(), b.dropped_at_s);
-                out << line;
-            }
+                out += wrapped(b.name + " slipped through the fingers: grip harder, or give it more friction", "  ");
+            if (b.dropped_at_s >= 0) out += written("  %s was dropped at t = %.2f s\n", name, b.dropped_at_s);
         }
         if (b.resets)
-            out << "  " << b.name << " diverged and was stopped " << b.resets << " times: use smaller steps (dt_ms)\n";
+            out += wrapped(
+                written("%s diverged and was stopped %d times: use smaller steps (dt_ms)", name, int(b.resets)), "  ");
     }
-    return out.str();
+    return out;
 }
 
 }  // namespace palpate
