@@ -74,6 +74,7 @@ struct Nets {
             for (int j = 0; j < ny; ++j)
                 for (int i = 0; i < nx; ++i)
                     value[std::size_t((k * ny + j) * nx + i)] = distance_to(bones, place(i, j, k));
+        while (fill_crossings()) {}
         Surface out;
         std::vector<int> vertex(value.size(), -1);
         for (int k = 0; k + 1 < nz; ++k)
@@ -102,6 +103,47 @@ struct Nets {
                          cell_at(i, j - 1, k));
                 }
         return out;
+    }
+
+    /// Where two parts of the surface would meet in an edge or a point, both pass one cell: what is outside between
+    /// them becomes inside. True where there was any.
+    bool fill_crossings() {
+        bool any = false;
+        for (int k = 0; k + 1 < nz; ++k)
+            for (int j = 0; j + 1 < ny; ++j)
+                for (int i = 0; i + 1 < nx; ++i) {
+                    std::array<std::size_t, 8> corner;
+                    unsigned inside = 0;
+                    for (int c = 0; c < 8; ++c) {
+                        corner[std::size_t(c)] =
+                            std::size_t(((k + (c >> 2)) * ny + j + (c >> 1 & 1)) * nx + i + (c & 1));
+                        if (value[corner[std::size_t(c)]] < 0) inside |= 1u << c;
+                    }
+                    if (!is_crossed(inside)) continue;
+                    auto depth = [&](std::size_t at) { return value[at] < 0 ? HUGE_VAL : value[at]; };
+                    value[*std::min_element(corner.begin(), corner.end(),
+                                            [&](std::size_t a, std::size_t b) { return depth(a) < depth(b); })] = -1e-6;
+                    any = true;
+                }
+        return any;
+    }
+    /// Whether the corners of a cell that are inside, or those outside, fall into parts, or do so on one of its faces.
+    static bool is_crossed(unsigned inside) {
+        for (unsigned set : {inside, ~inside & 255u}) {
+            unsigned part = set & (~set + 1);  // grows along edges from one corner
+            for (int turn = 0; turn < 8; ++turn)
+                for (int c = 0; c < 8; ++c)
+                    if (part >> c & 1u)
+                        for (int axis = 0; axis < 3; ++axis) part |= (1u << (c ^ (1 << axis))) & set;
+            if (part != set) return true;
+        }
+        for (int axis = 0; axis < 3; ++axis)
+            for (int side = 0; side < 2; ++side) {
+                const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3, at = side << axis;
+                auto in = [&](int c) { return (inside >> c & 1u) != 0; };
+                if (in(at) == in(at + u + v) && in(at + u) == in(at + v) && in(at) != in(at + u)) return true;
+            }
+        return false;
     }
 
     bool crossing(int i, int j, int k, Vector3d& mean) const {

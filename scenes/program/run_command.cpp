@@ -117,7 +117,7 @@ void tell_results(const RunArguments& a, const Summary& summary, const ResultsFo
                 wrapped(std::to_string(results.files()) + " files in " + folder.string() +
                         " (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)")
                     .c_str());
-    for (const std::string& sentence : replaced) std::printf("%s", wrapped(folder.string() + ": " + sentence).c_str());
+    for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
 }
 
 int run_scene(RunArguments a, const std::atomic<bool>& stop) {

@@ -123,11 +123,15 @@ Curve histogram(const std::string& name, const std::vector<double>& values) {
     return c;
 }
 
+/// Over time, per finger: force, area, largest pressure, and each joint of the thimbles; then how long steps took.
 std::vector<Plot> plots_of(const Simulation& s) {
-    std::vector<Plot> plots{{"Contact force", "time [s]", "force [N]", {}, {}, false},
-                            {"Contact area", "time [s]", "area [mm2]", {}, {}, false},
-                            {"Step time", "time [s]", "wall time [us]", {}, {}, false},
-                            {"Steps by duration", "wall time [us]", "share of steps [%]", {}, {}, false}};
+    auto of_fingers = [](const std::string& title, const std::string& quantity) {
+        return Plot{title, "time [s]", quantity, {}, {}, false};
+    };
+    std::vector<Plot> plots{of_fingers("Contact force", "force [N]"), of_fingers("Contact area", "area [mm2]"),
+                            of_fingers("Pressure peak", "pressure [kPa]")};
+    constexpr const char* columns[] = {"contact_force_N", "contact_area_mm2", "pressure_peak_kPa"};
+    std::vector<Plot> joints;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const Series& series = s.finger_series[i];
         const auto settled = settled_steps(series);
@@ -144,15 +148,27 @@ std::vector<Plot> plots_of(const Simulation& s) {
         const std::size_t left_out = series.rows() - time.size();
         const std::string label =
             left_out ? name + " (" + std::to_string(left_out) + " unsettled steps left out)" : name;
-        plots[0].curves.push_back({label, time, settled_only("contact_force_N")});
-        plots[1].curves.push_back({name, time, settled_only("contact_area_mm2")});
+        for (std::size_t p = 0; p < plots.size(); ++p)
+            plots[p].curves.push_back({p == 0 ? label : name, time, settled_only(columns[p])});
+        for (const Matching& m : s.world.matchings)
+            for (int j = 1; m.finger == s.fingers[i] && j <= m.model.kind->joint_count; ++j) {
+                const std::string number = std::to_string(j);
+                if (joints.size() < std::size_t(j))
+                    joints.push_back(of_fingers("Joint " + number + " of the thimbles, as sent", "angle [degrees]"));
+                joints[std::size_t(j - 1)].curves.push_back(
+                    {name, series.column("time_s"), series.column("sent" + number + "_deg")});
+            }
     }
+    plots.insert(plots.end(), joints.begin(), joints.end());
+    Plot steps = of_fingers("Step time", "wall time [us]");
     const auto time = s.step_series.column("time_s");
-    plots[2].curves.push_back({"whole step", time, s.step_series.column("total_us")});
-    plots[2].curves.push_back({"skin solve", time, s.step_series.column("solve_skin_us")});
+    steps.curves.push_back({"whole step", time, s.step_series.column("total_us")});
+    steps.curves.push_back({"skin solve", time, s.step_series.column("solve_skin_us")});
     if (!s.world.bodies.empty())
-        plots[2].curves.push_back({"skin and bodies", time, s.step_series.column("solve_bodies_us")});
-    plots[3].curves.push_back(histogram("whole step", s.step_series.column("total_us")));
+        steps.curves.push_back({"skin and bodies", time, s.step_series.column("solve_bodies_us")});
+    plots.push_back(std::move(steps));
+    plots.push_back({"Steps by duration", "wall time [us]", "share of steps [%]", {}, {}, false});
+    plots.back().curves.push_back(histogram("whole step", s.step_series.column("total_us")));
     return plots;
 }
 

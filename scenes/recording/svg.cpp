@@ -1,6 +1,7 @@
 #include "scenes/recording/svg.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <sstream>
 
@@ -58,6 +59,25 @@ Range range_of(const Plot& plot, bool x) {
     return r;
 }
 
+/// What a curve of many points looks like: of each part of its width the first and last point, the lowest and the
+/// highest.
+Curve thinned(const Curve& c, std::size_t parts) {
+    const std::size_t count = std::min(c.x.size(), c.y.size());
+    if (c.points || count <= 4 * parts || !std::is_sorted(c.x.begin(), c.x.end())) return c;
+    Curve out{c.name, {}, {}};
+    for (std::size_t part = 0; part < parts; ++part) {
+        const std::size_t begin = part * count / parts, end = (part + 1) * count / parts;
+        const auto [low, high] =
+            std::minmax_element(c.y.begin() + std::ptrdiff_t(begin), c.y.begin() + std::ptrdiff_t(end));
+        std::array<std::size_t, 4> kept{begin, std::size_t(low - c.y.begin()), std::size_t(high - c.y.begin()),
+                                        end - 1};
+        std::sort(kept.begin(), kept.end());
+        for (std::size_t k = 0; k < 4; ++k)
+            if (k == 0 || kept[k] != kept[k - 1]) out.x.push_back(c.x[kept[k]]), out.y.push_back(c.y[kept[k]]);
+    }
+    return out;
+}
+
 void draw(std::ostringstream& out, const Plot& plot, double y0) {
     const Range rx = range_of(plot, true), ry = range_of(plot, false);
     auto px = [&](double x) { return left + (x - rx.low) / (rx.high - rx.low) * (width - left - right); };
@@ -83,7 +103,7 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
         << ") rotate(-90)\" text-anchor=\"middle\">" << escaped(plot.y_label) << "</text>\n";
     double legend = y0 + top + 8;
     for (std::size_t i = 0; i < plot.curves.size(); ++i) {
-        const Curve& c = plot.curves[i];
+        const Curve c = thinned(plot.curves[i], 600);
         const char* colour = colours[i % std::size(colours)];
         const char* dots = c.points ? "\" stroke-width=\"8\" stroke-linecap=\"round" : "\" stroke-width=\"2";
         out << "<path fill=\"none" << dots << "\" stroke=\"" << colour << "\" d=\"";

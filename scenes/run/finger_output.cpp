@@ -1,5 +1,6 @@
 #include "scenes/run/finger_output.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace palpate {
@@ -21,6 +22,7 @@ FingerOutput finger_output(const ContactSurface& c) {
         out.torque += cross(arm, f);
         out.centre += size * arm;
         weight += size;
+        out.pressure_peak = std::max(out.pressure_peak, size / c.area[s]);
     }
     out.centre = weight > 0 ? c.bone.position + (1 / weight) * out.centre : Vec3<double>{NAN, NAN, NAN};
     return out;

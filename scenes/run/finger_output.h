@@ -13,6 +13,7 @@ struct FingerOutput {
                                    ///< NaN where nothing pushes
     double normal_force = 0;       ///< sum of normal forces [N]
     double area = 0;               ///< of the touching samples [m^2]
+    double pressure_peak = 0;      ///< largest force on a sample over its area [Pa]
     int touching = 0;              ///< samples
 };
 FingerOutput finger_output(const ContactSurface& contact);

@@ -29,8 +29,9 @@ std::vector<std::string> thimble_columns(const DeviceKind& kind) {
     return columns;
 }
 /// After these: new columns come at the end, where no reader counts.
-const std::vector<std::string> output_columns{"torque_x_Nm", "torque_y_Nm", "torque_z_Nm", "centre_x_mm", "centre_y_mm",
-                                              "centre_z_mm", "bone_qw",     "bone_qx",     "bone_qy",     "bone_qz"};
+const std::vector<std::string> output_columns{"torque_x_Nm", "torque_y_Nm", "torque_z_Nm",      "centre_x_mm",
+                                              "centre_y_mm", "centre_z_mm", "bone_qw",          "bone_qx",
+                                              "bone_qy",     "bone_qz",     "pressure_peak_kPa"};
 const std::vector<std::string> step_columns = [] {
     std::vector<std::string> columns{"time_s"};
     for (const auto& [name, seconds] : step_systems) columns.push_back(std::string(name) + "_us");
@@ -80,6 +81,7 @@ void record_finger(Simulation& s, std::size_t i) {
     for (double v : {felt.torque.x, felt.torque.y, felt.torque.z}) out.push_back(v);
     for (double v : {felt.centre.x, felt.centre.y, felt.centre.z}) out.push_back(1e3 * v);
     for (double v : {bone.rotation.w, bone.rotation.x, bone.rotation.y, bone.rotation.z}) out.push_back(v);
+    out.push_back(1e-3 * felt.pressure_peak);
     if (s.hardware && s.finger_series[i].columns.back() == "command_age_ms") out.push_back(1e3 * seen.command_age);
 }
 

@@ -59,6 +59,52 @@ TEST(Picture, TheMugIsSeenWhereRaysMeetIt) {
     EXPECT_LE(differ, seen / 200) << "of " << seen << " pixels of the mug";
 }
 
+/// Of the picture that a run leaves: the mug is where rays of its view meet it before fingers and floor.
+TEST(Picture, OfTheMugIsWhatRaysOfItsViewMeet) {
+    Simulation s = make_simulation(load_scene(scenes + "hold_mug.toml"), 2);
+    PictureSettings settings;
+    settings.width = 160, settings.height = 120, settings.samples = 1;
+    settings.hand = settings.thimbles = settings.pads = false;
+    Painter painter(s, settings);
+    painter.paint(s);
+    const Raster& raster = painter.raster();
+    std::vector<Triangles> mug, opaque;
+    int id = -1, layers = 0;
+    double floor = 1e9;
+    for (const RigidShape& o : s.world.shapes) {
+        if (o.shape.kind == ShapeKind::plane) {
+            floor = o.pose.position.z;
+            continue;
+        }
+        if (o.mesh) id = layers, mug.push_back(object_triangles(s.world, o, {}));
+        ++layers;
+    }
+    ASSERT_EQ(layers, 1) << "a second object would have to be met, too";
+    for (const EntityId finger : s.fingers) opaque.push_back(finger_triangles(s.world, finger, 1));
+    auto nearest = [](const std::vector<Triangles>& all, const Vector3d& from, const Vector3d& along) {
+        double least = HUGE_VAL, distance = 0;
+        for (const Triangles& t : all)
+            for (const auto& f : t.faces)
+                if (meets(from, along, t.vertices[std::size_t(f[0])].position, t.vertices[std::size_t(f[1])].position,
+                          t.vertices[std::size_t(f[2])].position, distance))
+                    least = std::min(least, distance);
+        return least;
+    };
+    int seen = 0, differ = 0;
+    for (int y = 0; y < settings.height; ++y)
+        for (int x = 0; x < settings.width; ++x) {
+            const auto [from, along] = raster.view().ray(x + 0.5, y + 0.5);
+            double others = along.z() < 0 ? (floor - from.z()) / along.z() : HUGE_VAL;
+            const double to_mug = nearest(mug, from, along);
+            if (std::isfinite(to_mug)) others = std::min(others, nearest(opaque, from, along));
+            const bool hit = to_mug < others;
+            seen += hit;
+            differ += hit != (raster.layer_id(x, y) == id);
+        }
+    EXPECT_GT(seen, 800);
+    EXPECT_LE(differ, seen / 100) << "of " << seen << " pixels of the mug";
+}
+
 /// Last joints are where the simulated bones begin, whatever the hand, and bones keep about their lengths.
 TEST(Picture, AHandEndsWhereItsFingertipsBegin) {
     for (const char* name : {"hand.toml", "two_hands.toml", "press.toml", "pinch.toml", "recorded_grasp.toml"}) {
@@ -91,16 +137,31 @@ TEST(Picture, AHandEndsWhereItsFingertipsBegin) {
     EXPECT_NE(hands_of(two)[0].left, hands_of(two)[1].left);
 }
 
-TEST(Picture, TheHandsSkinIsClosed) {
-    std::map<std::pair<int, int>, int> ways;  // each edge as often to as fro: no hole
-    for (const auto& t : hand_skin().surface.triangles)
+/// Each edge is between two faces, once to and once fro; around each vertex faces form one fan.
+TEST(Picture, TheHandsSkinIsAClosedManifold) {
+    const Surface& skin = hand_skin().surface;
+    std::map<std::pair<int, int>, int> ways;
+    std::map<int, std::map<int, int>> next;  // around a vertex: from one neighbour to the next
+    for (const auto& t : skin.triangles)
         for (std::size_t k = 0; k < 3; ++k) {
-            const int a = t[k], b = t[(k + 1) % 3];
-            ways[{std::min(a, b), std::max(a, b)}] += a < b ? 1 : -1;
+            const int a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3];
+            EXPECT_EQ((++ways[{a, b}]), 1) << "more than one face on a side of the edge " << a << " to " << b;
+            next[a][b] = c;
         }
-    for (const auto& [edge, balance] : ways) ASSERT_EQ(balance, 0) << edge.first << " to " << edge.second;
-    EXPECT_GT(volume(hand_skin().surface), 2e-4);
-    EXPECT_LT(volume(hand_skin().surface), 6e-4);  // of a real hand: about 0.4 l
+    for (const auto& [edge, count] : ways)
+        ASSERT_TRUE(ways.contains({edge.second, edge.first})) << "a hole at " << edge.first << " to " << edge.second;
+    for (const auto& [vertex, around] : next) {
+        std::size_t met = 0;
+        for (int at = around.begin()->first; met <= around.size();) {
+            at = around.at(at), ++met;
+            if (at == around.begin()->first) break;
+        }
+        EXPECT_EQ(met, around.size()) << "two sheets meet at vertex " << vertex;
+    }
+    EXPECT_EQ(next.size(), skin.vertices.size());
+    EXPECT_EQ(int(next.size()) - int(ways.size() / 2) + int(skin.triangles.size()), 2) << "not the shape of a ball";
+    EXPECT_GT(volume(skin), 2e-4);
+    EXPECT_LT(volume(skin), 6e-4);  // of a real hand: about 0.4 l
 }
 
 TEST(Picture, ScalesEndAtRoundNumbers) {

@@ -1,11 +1,13 @@
 // Results folders: those of one run, complete or as they were.
 
 #include "scenes/recording/results_folder.h"
+#include "scenes/recording/svg.h"
 
 #include <algorithm>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "scenes/recording/svg.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -111,7 +113,38 @@ TEST(Results, AKilledRunLeavesItsTables) {
     EXPECT_FALSE(fs::exists(left));
     const std::string whole = read_file(out / "index.csv");
     EXPECT_EQ(whole, table.substr(0, whole.size()));
-    EXPECT_NE(whole.find(",bone_qw,bone_qx,bone_qy,bone_qz\n"), std::string::npos);
+    EXPECT_NE(whole.find(",bone_qw,bone_qx,bone_qy,bone_qz,pressure_peak_kPa\n"), std::string::npos);
+}
+
+TEST(Results, PlotsHoldForcesAreasPressuresJointsAndStepTimes) {
+    testing::ScratchFolder scratch;
+    const fs::path out = scratch.path / "out";
+    ASSERT_EQ(
+        testing::shell(testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out.string()).code,
+        0);
+    const std::string svg = read_file(out / "plots.svg");
+    std::size_t at = 0;
+    for (const char* title : {"Contact force", "force [N]", "Contact area", "area [mm2]", "Pressure peak",
+                              "pressure [kPa]", "Joint 1 of", "angle [degrees]", "Joint 3 of", "Step time"}) {
+        const std::size_t found = svg.find(title, at);
+        ASSERT_NE(found, std::string::npos) << title;
+        at = found;
+    }
+    // Of many points, those that one sees: a spike of one point stays.
+    Curve curve{"steps", {}, {}};
+    for (int k = 0; k < 200'000; ++k)
+        curve.x.push_back(1e-3 * k), curve.y.push_back(k == 123'456 ? 7 : 0.5 + 1e-3 * (k % 100));
+    Plot plot{"a spike", "time [s]", "one", {curve}, {}, false};
+    write_svg(scratch.path / "whole.svg", {plot});
+    const std::string whole = read_file(scratch.path / "whole.svg");
+    EXPECT_LT(whole.size(), 60'000u);
+    plot.curves[0].x = {0, 100, 123.456, 123.457, 199.999}, plot.curves[0].y = {0.5, 0.5, 7, 0.5, 0.5};
+    write_svg(scratch.path / "few.svg", {plot});
+    const std::string few = read_file(scratch.path / "few.svg");
+    // The spike's point, as the same axes place it.
+    const std::size_t from = few.find('L', few.find('L') + 1) + 1;
+    const std::string spike = few.substr(from, few.find('L', from) - from);
+    EXPECT_NE(whole.find("L" + spike + "L"), std::string::npos) << spike;
 }
 
 TEST(Results, OfARunReplaceThoseOfAnotherScene) {
