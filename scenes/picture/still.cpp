@@ -155,50 +155,77 @@ void Painter::paint_scene(const Simulation& s, Image& image, int top, int height
             r.line(edges[k], edges[k + 1], {0.20f, 0.30f, 0.40f}, 0.7 * factor);
     }
     image.paste(r.image(factor), 0, top);
-    write_names(s, image, top);
+    write_names(s, image, top, height);
 }
 
-/// Names and forces over all, moved apart where they would cover each other, with a line to their finger.
-void Painter::write_names(const Simulation& s, Image& image, int top) {
+namespace {
+
+struct Box {
+    int x, y, width, height;
+};
+bool overlap(const Box& a, const Box& b) {
+    return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
+}
+/// The nearest place above or below, between two heights, where a box covers none that are taken.
+Box free_place(Box wanted, const std::vector<Box>& taken, int top, int bottom) {
+    for (int step = 0; step <= bottom - top; ++step)
+        for (const int side : {1, -1}) {
+            Box there = wanted;
+            there.y += side * step;
+            const bool inside = there.y >= top && there.y + there.height <= bottom;
+            if (inside && std::none_of(taken.begin(), taken.end(), [&](const Box& b) { return overlap(there, b); }))
+                return there;
+        }
+    wanted.y = std::clamp(wanted.y, top, std::max(top, bottom - wanted.height));
+    return wanted;
+}
+
+}  // namespace
+
+/// Names and forces over all, each whole and beside the others, with a line to its finger.
+void Painter::write_names(const Simulation& s, Image& image, int top, int height) {
     const Look& look = look_of(settings_.dark);
     const View& view = raster_->view();
     struct Tag {
         std::string text;
-        int x, y, to_x, to_y;
+        int to_x, to_y;
+        Box box;
     };
     std::vector<Tag> tags;
     for (std::size_t f = 0; f < s.fingers.size(); ++f) {
         const Pose<double> bone = bone_pose(s.world, s.fingers[f]);
         const Vector3d at = view.pixel(view.in_view(as_eigen(transform(bone, Vec3<double>{-0.004, 0, 0.008}))));
         const double force = s.world.contact_surfaces.find(s.fingers[f])->normal_force;
-        Tag tag{s.scene.spec.fingers[f].name, 0, 0, int(at.x()) / settings_.samples,
-                top + int(at.y()) / settings_.samples};
+        Tag tag{
+            s.scene.spec.fingers[f].name, int(at.x()) / settings_.samples, top + int(at.y()) / settings_.samples, {}};
         if (force > 0.0005) tag.text += formatted(" %.2f N", force);
         // Beside the middle of the picture, on the finger's side.
-        const bool right = tag.to_x > image.width / 2;
-        tag.x = right ? std::min(tag.to_x + 70, image.width - text_width(tag.text) - 10)
-                      : std::max(8, tag.to_x - 70 - text_width(tag.text));
-        tag.y = tag.to_y - 26;
+        const int width = text_width(tag.text) + 8, gap = std::min(70, image.width / 8);
+        const int x = tag.to_x > image.width / 2 ? tag.to_x + gap : tag.to_x - gap - width;
+        tag.box = {std::clamp(x, 3, std::max(3, image.width - width - 3)), tag.to_y - 28, width, 18};
         tags.push_back(tag);
     }
     std::sort(tags.begin(), tags.end(), [](const Tag& a, const Tag& b) { return a.to_y < b.to_y; });
-    for (std::size_t k = 0; k < tags.size(); ++k)
-        for (std::size_t j = 0; j < k; ++j) {
-            const bool beside = tags[k].x > tags[j].x + text_width(tags[j].text) + 6 ||
-                                tags[j].x > tags[k].x + text_width(tags[k].text) + 6;
-            if (!beside && tags[k].y < tags[j].y + 19 && tags[k].y > tags[j].y - 19) tags[k].y = tags[j].y + 19;
-        }
+    std::vector<Box> taken{{0, 0, std::max(text_width(s.scene.title) + 20, 170), 42},
+                           {0, 42, 170, 52}};  // title, scale
+    for (Tag& tag : tags) {
+        tag.box = free_place(tag.box, taken, top + 2, top + height - 2);
+        taken.push_back(tag.box);
+    }
     for (const Tag& tag : tags) {
-        const int from_x = tag.x > tag.to_x ? tag.x : tag.x + text_width(tag.text), steps = 200;
+        const Box& b = tag.box;
+        const int from_x = b.x > tag.to_x ? b.x : b.x + b.width, steps = 200;
         for (int k = 0; k <= steps; ++k)
-            image.set(from_x + (tag.to_x - from_x) * k / steps, tag.y + 6 + (tag.to_y - tag.y - 6) * k / steps,
-                      look.ink, 0.8);
+            image.set(from_x + (tag.to_x - from_x) * k / steps, b.y + 8 + (tag.to_y - b.y - 8) * k / steps, look.ink,
+                      0.8);
         image.fill(tag.to_x - 1, tag.to_y - 1, 3, 3, look.ink);
     }
     for (const Tag& tag : tags) {
-        image.fill(tag.x - 4, tag.y - 2, text_width(tag.text) + 8, 17, look.panel, 0.88);
-        image.write(tag.x, tag.y, tag.text, look.ink);
+        image.fill(tag.box.x, tag.box.y, tag.box.width, 17, look.panel, 0.88);
+        image.write(tag.box.x + 4, tag.box.y + 2, tag.text, look.ink);
     }
+    names_.clear();
+    for (const Tag& tag : tags) names_.push_back({tag.box.x, tag.box.y, tag.box.width, tag.box.height});
 }
 
 void Painter::paint_pads(const Simulation& s, Image& image, int top, int height) {

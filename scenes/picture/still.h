@@ -19,11 +19,13 @@ class Painter {
     Image paint(const Simulation& simulation);
     /// What the last picture's camera saw of objects: for tests.
     const Raster& raster() const { return *raster_; }
+    /// Where its names stand: left, top, width, height [pixels].
+    const std::vector<std::array<int, 4>>& names() const { return names_; }
 
   private:
     void choose_camera(const Simulation& simulation);
     void paint_scene(const Simulation& simulation, Image& image, int top, int height);
-    void write_names(const Simulation& simulation, Image& image, int top);
+    void write_names(const Simulation& simulation, Image& image, int top, int height);
     void paint_pads(const Simulation& simulation, Image& image, int top, int height);
     PictureSettings settings_;
     std::vector<HandPoser> hands_;
@@ -31,6 +33,7 @@ class Painter {
     Camera camera_;
     double reach_ = 0, most_ = 0, most_force_ = 0.5;
     std::vector<double> floors_;
+    std::vector<std::array<int, 4>> names_;
 };
 
 /// A number that reads well, not below x: 1, 2 or 5 times a power of ten.

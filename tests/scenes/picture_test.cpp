@@ -105,6 +105,31 @@ TEST(Picture, OfTheMugIsWhatRaysOfItsViewMeet) {
     EXPECT_LE(differ, seen / 100) << "of " << seen << " pixels of the mug";
 }
 
+/// However small the picture: every name is whole, above the pads, and none covers another.
+TEST(Picture, NamesAreWhole) {
+    for (const char* name : {"hand.toml", "two_hands.toml", "recorded_hand.toml"}) {
+        Simulation s = make_simulation(load_scene(scenes + name), 2);
+        for (int k = 0; k < 60; ++k) advance(s);
+        for (const auto& [width, height] : {std::pair{460, 380}, {900, 620}, {1600, 900}}) {
+            PictureSettings settings;
+            settings.width = width, settings.height = height, settings.samples = 1;
+            Painter painter(s, settings);
+            painter.paint(s);
+            const auto& names = painter.names();
+            ASSERT_EQ(names.size(), s.fingers.size());
+            for (std::size_t k = 0; k < names.size(); ++k) {
+                const auto [x, y, w, h] = names[k];
+                EXPECT_TRUE(x >= 0 && y >= 0 && x + w <= width && y + h <= height - std::min(200, height / 3))
+                    << name << " at " << width << ": name " << k << " at " << x << ", " << y << " is cut";
+                for (std::size_t j = 0; j < k; ++j)
+                    EXPECT_FALSE(x < names[j][0] + names[j][2] && names[j][0] < x + w &&
+                                 y < names[j][1] + names[j][3] && names[j][1] < y + h)
+                        << name << " at " << width << ": names " << j << " and " << k << " cover each other";
+            }
+        }
+    }
+}
+
 /// Last joints are where the simulated bones begin, whatever the hand, and bones keep about their lengths.
 TEST(Picture, AHandEndsWhereItsFingertipsBegin) {
     for (const char* name : {"hand.toml", "two_hands.toml", "press.toml", "pinch.toml", "recorded_grasp.toml"}) {
