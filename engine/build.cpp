@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <sstream>
 #include <stdexcept>
 
 #include "engine/bodies/islands.h"
@@ -13,81 +12,9 @@
 
 namespace palpate {
 
-std::vector<std::string> SceneSpec::validate() const {
-    std::vector<std::string> wrong = solver.validate();
-    auto need = [&](bool ok, const std::string& sentence) {
-        if (!ok) wrong.push_back(sentence);
-    };
-    for (const FingerSpec& f : fingers) {
-        const std::string who = "finger '" + f.name + "': ";
-        need(!f.mesh.tets.empty() && f.mesh.bone_nodes.size() >= 3,
-             who + "its mesh needs tetrahedra and at least three bone nodes");
-        need(std::any_of(f.mesh.tets.begin(), f.mesh.tets.end(),
-                         [&](const auto& tet) {
-                             return std::any_of(tet.begin(), tet.end(), [&](int node) {
-                                 const auto& bone = f.mesh.bone_nodes;
-                                 return std::find(bone.begin(), bone.end(), node) == bone.end();
-                             });
-                         }),
-             who + "all its nodes are bone nodes: nothing is left to deform");
-        need(f.mesh.patches.empty() ||
-                 (f.mesh.patches.size() == f.mesh.tets.size() && f.material == Material::corotational),
-             who + "patches must be one number per element, and need corotational tissue");
-        auto within = [&](const std::string& what, double value, const Range& bounds, const char* unit) {
-            if (bounds.holds(value)) return;
-            std::ostringstream sentence;
-            sentence << who << what << " must be between " << bounds.low << " and " << bounds.high << unit << ", found "
-                     << value;
-            wrong.push_back(sentence.str());
-        };
-        within("Young's modulus", f.young_modulus, finger_bounds::young_modulus, " Pa");
-        within("Poisson's ratio", f.poisson_ratio, finger_bounds::poisson_ratio, "");
-        within("the density", f.density, finger_bounds::density, " kg/m^3");
-        if (f.has_limits) {
-            // Wider than what files may ask for: limits of almost exactly 1 are among the extremes that are tried.
-            need(f.limit_low > 0.01 && f.limit_low < 1, who + "the lower strain limit must be between 0.01 and 1");
-            need(f.limit_high > 1 && f.limit_high < 100, who + "the upper strain limit must be between 1 and 100");
-        }
-        auto all_within = [&](const std::vector<double>& values, const Range& bounds) {
-            return values.empty() ||
-                   (values.size() == f.mesh.tets.size() &&
-                    std::all_of(values.begin(), values.end(), [&](double v) { return bounds.holds(v); }));
-        };
-        need(all_within(f.element_young, finger_bounds::young_modulus) &&
-                 all_within(f.element_low, finger_bounds::limit_low) &&
-                 all_within(f.element_high, finger_bounds::limit_high),
-             who + "values per element must be one per element, inside the bounds of those for all");
-        need(f.element_membrane.size() == f.element_normal.size() &&
-                 all_within(f.element_membrane, {0, finger_bounds::young_modulus.high}),
-             who + "membranes must be one per element, each with a modulus that is not negative and a normal");
-        const Coupling& c = f.coupling;
-        within("the coupling's stiffness", c.stiffness, coupling_bounds::stiffness, " N/m");
-        within("the coupling's angular stiffness", c.angular_stiffness, coupling_bounds::angular_stiffness, " N m/rad");
-        within("the coupling's damping", c.damping, coupling_bounds::damping, " N s/m");
-        within("the coupling's angular damping", c.angular_damping, coupling_bounds::angular_damping, " N m s/rad");
-        within("the coupling's largest force", c.max_force, coupling_bounds::max_force, " N");
-        within("the coupling's largest torque", c.max_torque, coupling_bounds::max_torque, " N m");
-        within("the coupling's largest speed", c.max_speed, coupling_bounds::max_speed, " m/s");
-        within("the coupling's largest spin", c.max_spin, coupling_bounds::max_spin, " rad/s");
-    }
-    need(friction_bounds.holds(skin_friction), "the friction of skin on skin must be between 0 and 100");
-    for (const ObjectSpec& o : objects)
-        need(friction_bounds.holds(o.friction), "object '" + o.name + "': friction must be between 0 and 100");
-    for (const FingerFriction& f : finger_frictions)
-        need(f.finger >= 0 && f.finger < int(fingers.size()) && f.object >= 0 && f.object < int(objects.size()) &&
-                 friction_bounds.holds(f.friction),
-             "a friction of a finger against an object must name one of each, and be between 0 and 100");
-    for (const ThimbleSpec& t : thimbles) {
-        need(t.finger >= 0 && t.finger < int(fingers.size()), "a thimble names a finger that does not exist");
-        for (const auto& sentence : palpate::validate(t.model))
-            wrong.push_back("device of finger '" +
-                            (t.finger >= 0 && t.finger < int(fingers.size()) ? fingers[t.finger].name : "?") +
-                            "': " + sentence);
-    }
-    return wrong;
-}
-
 namespace {
+
+ContactSurface contact_surface_of(const TetMesh& mesh);
 
 /// Fingers of one archetype: same connectivity, precision and material.
 struct Archetype {
@@ -219,6 +146,11 @@ bool tissue_may_be_linear(const SceneSpec& spec, const Archetype& a) {
     return spec.solver.detail_error > 0 && a.material == Material::corotational;
 }
 
+/// Whether some object gives way without being of tissue.
+bool yielding(const SceneSpec& spec) {
+    return std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.stiffness > 0; });
+}
+
 template <class T>
 void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks,
                  std::vector<Skin>& skins) {
@@ -227,7 +159,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
                           std::any_of(spec.finger_frictions.begin(), spec.finger_frictions.end(), rough);
     std::vector<double> object_frictions;
     for (const ObjectSpec& o : spec.objects) object_frictions.push_back(o.friction);
-    const bool soft = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.stiffness > 0; });
+    const bool soft = yielding(spec);
     const bool shared = a.fingers.size() > 1 && a.mesh->tets.size() <= largest_shared_mesh;
     const auto topology =
         std::make_shared<const SkinTopology>(build_topology(*a.mesh, shared, spec.solver.sample_refinement));
@@ -267,6 +199,60 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
             wider |= chunks[k].width > kernel.width;
         }
         if (wider && !here) chunks.push_back(spare_chunk(chunks[last - 1], kernel.width));
+    }
+}
+
+/// What holds a soft object's fixed part at its pose: as good as nothing gives.
+Coupling rigid_hold() {
+    Coupling c;
+    c.stiffness = 1e7, c.angular_stiffness = 1e4;
+    c.damping = 0, c.angular_damping = 0;
+    c.max_force = c.max_torque = 1e4;
+    return c;
+}
+
+/// A chunk of its own for each soft object.
+void add_soft_objects(const SceneSpec& spec, World& world) {
+    const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
+    int unknowns = 0;
+    for (int object = 0; object < int(spec.objects.size()); ++object) {
+        const ObjectSpec& o = spec.objects[std::size_t(object)];
+        if (!o.tissue) continue;
+        const FingerSpec& f = *o.tissue;
+        world.shapes[std::size_t(object)].soft = int(world.soft.all.size());
+        SoftObject& soft = world.soft.all.emplace_back();
+        SkinChunk<double>& chunk = world.chunks.doubles.emplace_back();
+        allocate_chunk(
+            chunk, std::make_shared<const SkinTopology>(build_topology(f.mesh, false, spec.solver.sample_refinement)),
+            1, f.has_limits, friction, int(spec.objects.size()), has_bodies(spec), false);
+        chunk.material = f.material;
+        // Its number among fingers is one that none of them has.
+        set_lane(chunk, 0, int(spec.fingers.size() + world.soft.all.size()) - 1,
+                 stiffened_for_inertia(parameters_of(f), spec.solver), o.pose);
+        if (yielding(spec)) set_contact_areas(chunk, 0, f.mesh);
+        soft.object = object;
+        soft.skin = {o.name, false, int(world.chunks.doubles.size()) - 1, 0, f.mesh, o.pose};
+        soft.hold = rigid_hold();
+        soft.surface = contact_surface_of(f.mesh);
+        soft.nodes.resize(f.mesh.nodes.size());
+        const auto& bone = f.mesh.bone_nodes;
+        for (const auto& face : f.mesh.surface)
+            if (std::any_of(face.begin(), face.end(),
+                            [&](int node) { return !std::binary_search(bone.begin(), bone.end(), node); }))
+                soft.faces.push_back(face);
+        unknowns += int(chunk.topology->unknowns.size());
+    }
+    if (unknowns == 0) return;
+    reserve_islands(world.body_solve, std::max(1, int(world.bodies.size())), world.chunks.count());
+    for (std::size_t finger = 0; finger < spec.fingers.size(); ++finger) {
+        const Skin& skin = world.skins[finger];
+        const std::size_t samples = world.chunks.with(skin.single_precision, skin.chunk,
+                                                      [](const auto& c) { return c.topology->sample_count(); });
+        for (std::size_t k = 0; k < world.soft.all.size(); ++k) {
+            SoftPair& pair = world.soft.pairs.emplace_back();
+            pair.finger = int(finger), pair.soft = int(k);
+            pair.samples.resize(samples);
+        }
     }
 }
 
@@ -341,6 +327,7 @@ World build_world(const SceneSpec& spec) {
     world.gravity = spec.gravity;
     world.pair_frictions = spec.pair_frictions;
     prepare_finger_pairs(spec, world.finger_pairs);
+    add_soft_objects(spec, world);
     prepare_bodies(world);
     for (RigidShape& shape : world.shapes)
         if (shape.body >= 0 && world.bodies[shape.body].release > 0) {
@@ -392,6 +379,16 @@ std::vector<Point> finger_positions(const World& world, EntityId finger) {
         }
         return nodes;
     });
+}
+
+std::vector<Point> soft_positions(const World& world, const SoftObject& object) {
+    const SkinChunk<double>& c = world.chunks.doubles[std::size_t(object.skin.chunk)];
+    std::vector<Point> nodes(std::size_t(c.topology->node_count));
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+        const Vec3<double> x = node_position(c, int(i), object.skin.lane);
+        nodes[i] = {x.x, x.y, x.z};
+    }
+    return nodes;
 }
 
 std::vector<Vec3<double>> bone_reactions(const World& world, EntityId finger) {

@@ -35,8 +35,9 @@ struct ObjectSpec {
     Shape shape;
     Pose<double> pose = Pose<double>::identity();
     double friction = 0;
-    double stiffness = 0;                                ///< pressure on skin per depth [Pa/m]; 0: rigid
-    std::optional<RigidBody> body = {};                  ///< present: forces move it
+    double stiffness = 0;                   ///< pressure on skin per depth [Pa/m]; 0: rigid
+    std::optional<RigidBody> body = {};     ///< present: forces move it
+    std::optional<FingerSpec> tissue = {};  ///< present: it is soft; mesh in the object's frame, bone nodes are fixed
     std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
 };
 
@@ -82,6 +83,9 @@ World build_world(const SceneSpec& spec);
 
 /// A force matcher for one of a scene's fingers.
 ForceMatcher build_force_matcher(const FingerSpec& finger, const DeviceModel& model, const MatchingSettings& settings);
+
+/// A soft object's nodes [m], world frame.
+std::vector<Point> soft_positions(const World& world, const SoftObject& object);
 
 /// One finger's nodes [m], world frame.
 std::vector<Point> finger_positions(const World& world, EntityId finger);

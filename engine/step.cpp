@@ -22,22 +22,26 @@ void step(World& w, Threads& threads) {
     ++w.step;
     StepProfile& p = w.profile;
     timed(p.read_trackers, [&] { read_trackers(w.solver.dt, w.tracker_poses, w.pose_filters); });
-    timed(p.couple, [&] { couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.chunks); });
+    timed(p.couple, [&] {
+        couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.chunks);
+        hold_soft_objects(w.shapes, w.solver, w.soft, w.chunks);
+    });
     timed(p.begin_bodies, [&] { begin_bodies(w.solver, w.time, w.shapes, w.bodies); });
     timed(p.detect_contacts, [&] {
         w.contact_growths += detect_contacts(w.shapes, w.bodies, w.solver, w.chunks);
         w.contact_growths +=
             detect_finger_pairs(w.shapes, w.bodies, w.skins, w.solver, w.body_solve, w.finger_pairs, w.chunks);
+        detect_soft_contacts(w.shapes, w.skins, w.solver, w.soft, w.chunks);
     });
     timed(p.choose_detail, [&] { choose_detail(w.solver, w.step, w.chunks); });
     timed(p.gather_lanes, [&] { gather_lanes(w.skins, w.chunks); });
     timed(p.solve_skin, [&] { solve_skins(w.solver, threads, w.chunks); });
     timed(p.solve_bodies, [&] {
         solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, w.skins, threads, w.shapes, w.bodies,
-                     w.finger_pairs, w.body_solve, w.chunks);
+                     w.finger_pairs, w.soft, w.body_solve, w.chunks);
     });
     timed(p.extract_contact,
-          [&] { extract_contact(w.skins, w.solver.tolerance, w.chunks, w.couplings, w.contact_surfaces); });
+          [&] { extract_contact(w.skins, w.solver.tolerance, w.soft, w.chunks, w.couplings, w.contact_surfaces); });
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });
     timed(p.publish, [&] {
         publish(w.tracker_poses, w.couplings, w.matchings, w.time, w.solver.dt, w.sampled_at, w.device_links);

@@ -14,6 +14,10 @@ void read_trackers(double dt, Table<TrackerPose>& trackers, Table<PoseFilter>& f
 void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, const Table<Skin>& skins,
             Table<Coupling>& couplings, SkinChunks& chunks);
 
+/// Holds the fixed part of soft objects at their objects' poses: writes the bone springs of their lanes.
+void hold_soft_objects(const Table<RigidShape>& shapes, const SolverSettings& solver, SoftObjects& soft,
+                       SkinChunks& chunks);
+
 /// Lets go of bodies whose release has come, and guesses for detect_contacts where bodies would coast to.
 void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies);
 
@@ -27,6 +31,10 @@ int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bod
 /// often that took more memory than there was: where fingers come near each other for the first time, and as above.
 int detect_finger_pairs(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const Table<Skin>& skins,
                         const SolverSettings& solver, BodySolve& solve, FingerPairs& pairs, SkinChunks& chunks);
+
+/// Finds which samples of which fingers may touch which faces of soft objects (soft_objects.h). Allocates nothing.
+void detect_soft_contacts(const Table<RigidShape>& shapes, const Table<Skin>& skins, const SolverSettings& solver,
+                          SoftObjects& soft, SkinChunks& chunks);
 
 /// Wakes the fingers that an object has come near to, or whose target moves, and chooses what the solve leaves out of
 /// each (level_of_detail.h). `step` counts steps.
@@ -44,13 +52,13 @@ void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chu
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   const std::vector<PairFriction>& pair_frictions, double time, const Table<Skin>& skins,
                   Threads& threads, Table<RigidShape>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
-                  BodySolve& solve, SkinChunks& chunks);
+                  SoftObjects& soft, BodySolve& solve, SkinChunks& chunks);
 
-/// Reads touching samples, forces and area of each finger from its lane. Says in its status which nodes are pressed
-/// from inside, and that such a step has not converged; nor has a finger whose own forces are off balance by more than
-/// three times `tolerance` (of the solver, relative).
-void extract_contact(const Table<Skin>& skins, double tolerance, SkinChunks& chunks, Table<Coupling>& couplings,
-                     Table<ContactSurface>& surfaces);
+/// Reads touching samples, forces and area of each finger, and each soft object, from its lane. Says in its status
+/// which nodes are pressed from inside, and that such a step has not converged; nor has a finger whose own forces are
+/// off balance by more than three times `tolerance` (of the solver, relative).
+void extract_contact(const Table<Skin>& skins, double tolerance, SoftObjects& soft, SkinChunks& chunks,
+                     Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
 
 /// Solves the thimbles that are due, in parallel.
 void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads, Table<Matching>& matchings,

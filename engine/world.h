@@ -12,6 +12,7 @@
 #include "engine/bodies/body_solve.h"
 #include "engine/bodies/finger_pairs.h"
 #include "engine/bodies/pose_filter.h"
+#include "engine/bodies/soft_objects.h"
 #include "engine/ecs/table.h"
 #include "engine/skin/chunks/chunk.h"
 #include "engine/thimbles/force_matching.h"
@@ -107,8 +108,26 @@ struct RigidShape {
     double friction = 0;   ///< Coulomb coefficient against skin; against another object the geometric mean of both
     double stiffness = 0;  ///< pressure on skin per depth, where the object gives way [Pa/m]; 0: rigid
     int body = -1;         ///< row of its body; -1: fixed or scripted
+    int soft = -1;         ///< row among soft objects; -1: not of tissue
     int held_body = -1;    ///< row of a body that stays where it is until its release; -1: none
     std::shared_ptr<const DistanceMesh> mesh = nullptr;  ///< of a shape of kind mesh
+};
+
+/// An object of tissue: a skin, what holds it, and its contact, as fingers have them (soft_objects.h). Its shape among
+/// the objects is that at rest, and touches nothing.
+struct SoftObject {
+    int object = -1;  ///< row
+    Skin skin;
+    Coupling hold;  ///< of its fixed nodes to the object's pose
+    ContactSurface surface;
+    std::vector<std::array<int, 3>> faces;     ///< of its surface that can be touched, outward
+    std::vector<Vec3<double>> nodes;           ///< scratch: [node] world [m]
+    Vec3<double> low{0, 0, 0}, high{0, 0, 0};  ///< scratch: bounds of its faces, world [m]
+};
+struct SoftObjects {
+    std::vector<SoftObject> all;
+    std::vector<SoftPair> pairs;  ///< every finger with every soft object
+    SoftWork work;
 };
 
 /// Thimble: contact surface matching for one finger. Result written by match_devices.
@@ -197,6 +216,7 @@ struct World {
     std::vector<PairFriction> pair_frictions;
     BodySolve body_solve;
     FingerPairs finger_pairs;
+    SoftObjects soft;
     Table<Matching> matchings;           ///< per thimble
     Table<ForceMatcher> force_matchers;  ///< per thimble that matches forces
     Table<DeviceLink> device_links;      ///< per thimble with a device

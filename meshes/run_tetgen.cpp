@@ -141,8 +141,8 @@ class Helper {
 }  // namespace
 
 TetMesh run_tetgen(const Surface& surface, const std::string& switches, const TetrahedraliseSettings& settings,
-                   const std::vector<Point>& holes) {
-    const SurfaceUse use = holes.empty() ? SurfaceUse::finger : SurfaceUse::object;         // of several parts
+                   const std::vector<Point>& holes, SurfaceUse use) {
+    if (!holes.empty()) use = SurfaceUse::object;                                           // of several parts
     if (auto wrong = check_surface(surface, use); !wrong.empty()) throw InputError(wrong);  // TetGen crashes on such
     TetgenRequest request;
     request.vertex_count = int(surface.vertices.size());

@@ -18,9 +18,10 @@ struct TetrahedraliseSettings {
 TetMesh tetrahedralise(const Surface& surface, const TetrahedraliseSettings& settings);
 
 /// One TetGen run in the helper process, surface kept as it is; where `holes` has points, the surface has closed parts
-/// around them that face inwards, and are left empty. Throws InputError with what happened: refused surface, crash,
+/// around them that face inwards, and are left empty. Of a surface for an `object`, closed parts that lie in others and
+/// face outwards become faces of elements on both sides. Throws InputError with what happened: refused surface, crash,
 /// time or memory limit.
 TetMesh run_tetgen(const Surface& surface, const std::string& switches, const TetrahedraliseSettings& settings,
-                   const std::vector<Point>& holes = {});
+                   const std::vector<Point>& holes = {}, SurfaceUse use = SurfaceUse::finger);
 
 }  // namespace palpate

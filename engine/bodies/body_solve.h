@@ -30,6 +30,8 @@ struct Island {
     detail::LaneDecision<double> decision;
     double rounding = 0, contact_residual = 0, slope = 0, first_slope = 0, bad_pivots = 0;
     bool following = false;
+    bool soft = false;        ///< some lane is near a soft object
+    bool coupling = false;    ///< scratch: its coupled direction is being found
     bool linear = false;      ///< some lane has linear tissue
     bool unbound = false;     ///< its matrix was not positive definite with linear tissue
     double stiffness = 0;     ///< of the tissue of its lanes, the largest: scale of damping [N/m]; 0 without lanes

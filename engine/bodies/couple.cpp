@@ -132,4 +132,19 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
     }
 }
 
+void hold_soft_objects(const Table<RigidShape>& shapes, const SolverSettings& solver, SoftObjects& soft,
+                       SkinChunks& chunks) {
+    for (SoftObject& o : soft.all) {
+        Coupling& c = o.hold;
+        const Pose<double>& next = shapes[std::size_t(o.object)].pose;
+        auto same = [](const Pose<double>& a, const Pose<double>& b) { return std::memcmp(&a, &b, sizeof a) == 0; };
+        const bool stays = c.started && same(next, c.target) && same(c.last_target, c.target);
+        c.last_target = c.started ? c.target : next;
+        c.target = next;
+        c.started = true;
+        SkinChunk<double>& chunk = chunks.doubles[std::size_t(o.skin.chunk)];
+        if (!(stays && ((chunk.asleep_lanes >> o.skin.lane) & 1u))) aim(chunk, o.skin.lane, solver, c);
+    }
+}
+
 }  // namespace palpate

@@ -11,7 +11,7 @@ void find_coupled_chunks(BodyWork& w) {
     w.s.coupled.clear();
     int index = 0;
     w.chunks.for_each([&](const auto& c) {
-        if (near_a_body(c)) w.s.coupled.push_back(index);
+        if (solved_with_others(c)) w.s.coupled.push_back(index);
         ++index;
     });
 }
@@ -37,6 +37,7 @@ void set_object(BodyWork& w, int object) {
 bool may_touch(const BodyWork& w, int a, int b) {
     const ShapeKind kind_a = w.shapes[a].shape.kind, kind_b = w.shapes[b].shape.kind;
     if (a == b || (w.shapes[a].body < 0 && w.shapes[b].body < 0)) return false;
+    if (w.shapes[a].soft >= 0 || w.shapes[b].soft >= 0) return false;  // its skin touches them
     // A ball's one feature is exact against anything; the other's points against it would count the contact twice.
     if (kind_b == ShapeKind::sphere && (kind_a != ShapeKind::sphere || a > b)) return false;
     const ContactBody &of_a = w.s.objects[a], &of_b = w.s.objects[b];
@@ -165,6 +166,18 @@ void wake(BodyWork& w) {
     }
 }
 
+/// Fingers share the island of the soft object that they are near.
+void unite_soft_pairs(BodyWork& w) {
+    auto place = [&](const Skin& skin) {
+        const int chunk = skin.single_precision ? int(w.chunks.doubles.size()) + skin.chunk : skin.chunk;
+        const auto at = std::find(w.s.coupled.begin(), w.s.coupled.end(), chunk);
+        return int(w.s.bodies.size()) + 16 * int(at - w.s.coupled.begin()) + skin.lane;
+    };
+    for (const SoftPair& p : w.soft.pairs)
+        if (p.near)
+            unite(w.s.parent, place(w.skins[std::size_t(p.finger)]), place(w.soft.all[std::size_t(p.soft)].skin));
+}
+
 /// Groups lanes and bodies that may touch. Sleeping bodies share an island in which nothing is done.
 void group(BodyWork& w) {
     BodySolve& s = w.s;
@@ -181,6 +194,7 @@ void group(BodyWork& w) {
                     if (const int body = c.contacts.at(slot, lane).body; body >= 0 && ((active_lanes(c) >> lane) & 1u))
                         unite(s.parent, body, bodies + 16 * k + lane);
         });
+    unite_soft_pairs(w);
     s.island_count = 0;
     auto island = [&](int i) {
         const int r = root(s.parent, i);

@@ -19,6 +19,7 @@ struct BodyWork {
     double time;  ///< simulated, at the end of the step [s]
     const Table<Skin>& skins;
     FingerPairs& pairs;  ///< the planes between fingers come after all bodies
+    SoftObjects& soft;
 };
 
 /// Whether a row of BodySolve::bodies is a plane between fingers.
@@ -88,6 +89,9 @@ void grow_pairs(BodySolve& solve, int at_least);
 
 /// Bodies at the start of the step, objects, chunks near bodies, pairs of objects near each other, islands.
 void find_islands(BodyWork& work, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions);
+
+/// Puts bodies where the solve has them, or where their step ends.
+void place_bodies(BodyWork& work, bool at_end_of_step);
 
 /// Puts each plane between fingers where what presses on it balances to the last bit that matters, whether the solve
 /// has converged or not, and keeps the fingers' forces as they then are.

@@ -3,11 +3,12 @@
 // (skin/coupled.h), the bodies are solved on the sum, and lanes and bodies move together. Islands that do not touch
 // each other iterate on their own.
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
-#include "engine/bodies/islands.h"
+#include "engine/bodies/directions.h"
+#include "engine/bodies/pair_ends.h"
+#include "engine/bodies/soft_contact.h"
 #include "engine/systems.h"
 
 namespace palpate {
@@ -15,45 +16,6 @@ namespace palpate {
 namespace {
 
 using Work = BodyWork;
-
-/// Puts bodies where the solve has them, or where their step ends.
-void place_bodies(Work& w, bool at_end_of_step) {
-    for (std::size_t object = 0; object < w.s.objects.size(); ++object) {
-        ContactBody& o = w.s.objects[object];
-        if (o.body < 0) continue;
-        const BodyProgress& b = w.s.bodies[o.body];
-        const Pose<double> centre = at_end_of_step ? moved(b.pose, b.step, 1) : b.pose;
-        o.pose = object_pose(w.bodies[o.body], centre);
-        o.centre = centre.position;
-    }
-    for (int k = 0; k < int(w.s.coupled.size()); ++k)
-        with_chunk(w, k, [&](auto& c, const auto&) {
-            for (int lane = 0; lane < c.width; ++lane)
-                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
-                    LaneContact& o = c.contacts.at(slot, lane);
-                    if (o.finger >= 0) {
-                        const BodyProgress& b = w.s.bodies[o.body];
-                        o.pose = plane_side(at_end_of_step ? moved(b.pose, b.step, 1) : b.pose,
-                                            o.finger < c.finger[std::size_t(lane)]);
-                    } else if (o.body >= 0) {
-                        o.pose = w.s.objects[o.object].pose;
-                    }
-                }
-        });
-}
-
-/// Calls visit(body, term's motion matrix) for the bodies of a pair that a term pushes; b moves against a.
-template <class Visit>
-void for_each_end(Work& w, const BodyPair& p, const PairTerm& t, Visit visit) {
-    if (w.shapes[p.a].body >= 0) visit(w.s.bodies[w.shapes[p.a].body], point_motion(t.arm_of_a));
-    if (w.shapes[p.b].body >= 0)
-        visit(w.s.bodies[w.shapes[p.b].body], Eigen::Matrix<double, 3, 6>(-point_motion(t.arm_of_b)));
-}
-
-Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
-Eigen::Matrix3d eigen(const Mat3<double>& m) {
-    return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&m.m[0][0]);
-}
 
 /// A plane between fingers has no inertia, and where nothing rubs it slides freely: its Newton steps are held back by
 /// this, which is little beside tissue, but more than rounding of what the lanes condense [N/m].
@@ -80,6 +42,7 @@ void evaluate_all(Work& w, bool with_matrix) {
                   [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
     for_each_chunk(w, active,
                    [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver, with_matrix); });
+    add_soft_contact(w, with_matrix);
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);
     });
@@ -144,175 +107,6 @@ void evaluate_all(Work& w, bool with_matrix) {
     }
 }
 
-/// Solves an island's bodies on what their lanes have condensed; `added` is their part of the direction.
-void solve_island(Work& w, Island& island) {
-    BodySolve& s = w.s;
-    const int n = 6 * int(island.bodies.size());
-    if (n == 0) return;
-    auto A = s.matrix.topLeftCorner(n, n);
-    A.setZero();
-    for (int b : island.bodies) {
-        BodyProgress& body = s.bodies[b];
-        s.rhs.segment<6>(body.row) = body.rhs;
-        if (is_plane(w, b)) continue;
-        A.block<6, 6>(body.row, body.row) = body.inertia.curvature;
-        // As skin is: by the tissue's stiffness, or where there is none by what the body itself resists with.
-        const double scale = island.stiffness > 0 ? island.stiffness : body.inertia.curvature(0, 0);
-        const double damping = island.progress.damping * scale, size = w.bodies[b].size;
-        for (int k = 0; k < 6; ++k) A(body.row + k, body.row + k) += k < 3 ? damping : damping * size * size;
-    }
-    for (BodyPair& p : s.pairs) {
-        if (p.a < 0 || &island_of_pair(w, p) != &island) continue;
-        for (const FeatureContact& c : p.contacts)
-            for (const PairTerm& t : c.terms)
-                for_each_end(w, p, t, [&](BodyProgress& i, const auto& G) {
-                    const Eigen::Matrix<double, 6, 3> GK = G.transpose() * eigen(t.curvature);
-                    for_each_end(w, p, t, [&](BodyProgress& j, const auto& H) {
-                        A.template block<6, 6>(i.row, j.row) += GK * H;
-                    });
-                });
-    }
-    for_each_lane(w, [&](auto& c, int lane, Island& of_lane) {
-        if (&of_lane != &island) return;
-        const int W = c.width;
-        for_each_body_of(w, c, lane, [&](int a, BodyProgress& body_a) {
-            for (int k = 0; k < 6; ++k) s.rhs[body_a.row + k] += c.exchange.body_rhs[(6 * a + k) * W + lane];
-            for_each_body_of(w, c, lane, [&](int b, BodyProgress& body_b) {
-                const bool upper = a <= b;
-                const int pair = upper ? a * c.contacts.capacity + b : b * c.contacts.capacity + a;
-                const auto* block = &c.exchange.body_matrix[36 * std::size_t(pair) * W];
-                for (int k = 0; k < 36; ++k)
-                    A(body_a.row + (upper ? k / 6 : k % 6), body_b.row + (upper ? k % 6 : k / 6)) +=
-                        block[k * W + lane];
-            });
-        });
-    });
-    for (int b : island.bodies) {  // last: the sum does not depend on which of its fingers comes first
-        if (!is_plane(w, b)) continue;
-        const double damping = island.progress.damping * island.stiffness;
-        const BodyProgress& body = s.bodies[b];
-        for (int k = 0; k < 6; ++k)
-            A(body.row + k, body.row + k) +=
-                body.inertia.curvature(k, k) + (k < 3 ? damping : damping * plane_size * plane_size);
-    }
-    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factor(A);
-    if (factor.info() != Eigen::Success) {
-        island.bad_pivots += 1;
-        for (int b : island.bodies) s.bodies[b].added.setZero();
-        return;
-    }
-    auto solution = s.rhs.head(n);
-    factor.solveInPlace(solution);
-    if (!solution.allFinite()) {  // a lane's matrix was indefinite
-        island.bad_pivots += 1;
-        solution.setZero();
-    }
-    for (int b : island.bodies) s.bodies[b].added = s.rhs.segment<6>(s.bodies[b].row);
-}
-
-/// Solves for the lanes' and bodies' parts of the direction, or of an addition to it.
-template <class Condition>
-void solve_direction(Work& w, Condition chosen, bool first) {
-    BodySolve& s = w.s;
-    for_each_chunk(w, chosen, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.condense(c, lanes, first); });
-    for (int i = 0; i < s.island_count; ++i)
-        if (first && chosen(s.islands[i])) s.islands[i].bad_pivots = 0;
-    for_each_lane(w, [&](auto& c, int lane, Island& i) {
-        if (chosen(i)) i.bad_pivots += c.exchange.lanes[lane].bad_pivots;
-    });
-    for (int i = 0; i < s.island_count; ++i) {
-        Island& island = s.islands[i];
-        if (!chosen(island)) continue;
-        solve_island(w, island);
-        island.slope = 0;
-        for (int b : island.bodies) {
-            BodyProgress& body = s.bodies[b];
-            body.step = first ? body.added : Motion(body.step + body.added);
-            island.slope += body.step.dot(body.gradient);
-        }
-    }
-    for_each_lane(w, [&](auto& c, int lane, Island& i) {
-        if (!chosen(i)) return;
-        for (int slot = 0; slot < c.contacts.used; ++slot)
-            for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = 0;
-        for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
-            for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = b.added[k];
-        });
-    });
-    for_each_chunk(w, chosen, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.direction(c, lanes, first); });
-    for_each_lane(w, [&](auto& c, int lane, Island& i) {
-        if (chosen(i)) i.slope += c.exchange.lanes[lane].slope;
-    });
-}
-
-/// What contact between objects does at the end of the direction beyond its linearisation.
-void pairs_residual(Work& w) {
-    for (BodyPair& p : w.s.pairs) {
-        if (p.a < 0) continue;
-        Island& island = island_of_pair(w, p);
-        if (!island.following) continue;
-        // What the last linearisation said, then what it is.
-        auto add = [&](double sign, bool linear) {
-            for (FeatureContact& c : p.contacts)
-                for (const PairTerm& t : c.terms) {
-                    Eigen::Vector3d force = eigen(t.gradient);
-                    if (linear)
-                        for_each_end(w, p, t, [&](BodyProgress& b, const auto& G) {
-                            force += eigen(t.curvature) * (G * b.added);
-                        });
-                    for_each_end(w, p, t,
-                                 [&](BodyProgress& b, const auto& G) { b.rhs -= sign * (G.transpose() * force); });
-                }
-        };
-        add(-1, true);
-        evaluate_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b], island.progress.exactness);
-        add(1, false);
-    }
-}
-
-/// Contacts followed along the direction, as in direction.h.
-void follow_contacts(Work& w) {
-    BodySolve& s = w.s;
-    auto following = [](const Island& i) { return i.following; };
-    bool any_following = false;
-    for (int i = 0; i < s.island_count; ++i) {
-        Island& island = s.islands[i];
-        island.first_slope = island.slope;
-        island.following = island.decision.newton && island.progress.exactness <= 0 && island.slope < 0;
-        for (int b : island.bodies) s.bodies[b].first_step = s.bodies[b].step;
-    }
-    for (int k = 0; k < w.solver.contact_iterations; ++k) {
-        place_bodies(w, true);
-        for (BodyProgress& b : s.bodies) b.rhs.setZero();
-        for_each_chunk(w, following,
-                       [](auto& c, const auto& kernel, unsigned lanes) { kernel.contact_residual(c, lanes); });
-        for (int i = 0; i < s.island_count; ++i) s.islands[i].contact_residual = 0;
-        for_each_lane(
-            w, [&](auto& c, int lane, Island& i) { i.contact_residual += c.exchange.lanes[lane].contact_residual; });
-        pairs_residual(w);
-        any_following = false;
-        for (int i = 0; i < s.island_count; ++i) {
-            Island& island = s.islands[i];
-            if (!island.following) continue;
-            for (int b : island.bodies)
-                island.contact_residual += s.bodies[b].rhs.head<3>().squaredNorm() +
-                                           s.bodies[b].rhs.tail<3>().squaredNorm() / (size_of(w, b) * size_of(w, b));
-            const double share = w.solver.contact_share * w.solver.contact_share;
-            island.following = island.contact_residual > share * island.evaluation.residual;
-            any_following |= island.following;
-        }
-        if (!any_following) break;
-        solve_direction(w, following, false);
-    }
-    auto worse = [](const Island& i) { return i.decision.newton && i.first_slope < 0 && !(i.slope < 0); };
-    for_each_chunk(w, worse, [](auto& c, const auto& kernel, unsigned lanes) { kernel.restore(c, lanes); });
-    for (int i = 0; i < s.island_count; ++i)
-        if (worse(s.islands[i])) {
-            s.islands[i].slope = s.islands[i].first_slope;
-            for (int b : s.islands[i].bodies) s.bodies[b].step = s.bodies[b].first_step;
-        }
-}
-
 /// Islands that have a direction begin a line search along it; the others evaluate again.
 void judge_directions(Work& w) {
     BodySolve& s = w.s;
@@ -350,8 +144,7 @@ void newton_step(Work& w) {
             for (int k = 0; k < 6; ++k) b.rhs[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
         });
     });
-    solve_direction(w, newton, true);
-    if (w.solver.contact_iterations > 0) follow_contacts(w);
+    find_directions(w);
     judge_directions(w);
 }
 
@@ -374,6 +167,7 @@ void update_all(Work& w) {
     for_each_chunk(w, updates, [&](auto& c, const auto& kernel, unsigned lanes) { kernel.update(c, w.solver, lanes); });
     for (BodyPair& p : w.s.pairs)
         if (p.a >= 0 && updates(island_of_pair(w, p))) update_pair(p, false);
+    update_soft_contact(w);
     for (int i = 0; i < w.s.island_count; ++i)
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
@@ -421,6 +215,31 @@ void stiffen_against_inertia(Work& w) {
 
 }  // namespace
 
+void place_bodies(BodyWork& w, bool at_end_of_step) {
+    for (std::size_t object = 0; object < w.s.objects.size(); ++object) {
+        ContactBody& o = w.s.objects[object];
+        if (o.body < 0) continue;
+        const BodyProgress& b = w.s.bodies[o.body];
+        const Pose<double> centre = at_end_of_step ? moved(b.pose, b.step, 1) : b.pose;
+        o.pose = object_pose(w.bodies[o.body], centre);
+        o.centre = centre.position;
+    }
+    for (int k = 0; k < int(w.s.coupled.size()); ++k)
+        with_chunk(w, k, [&](auto& c, const auto&) {
+            for (int lane = 0; lane < c.width; ++lane)
+                for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+                    LaneContact& o = c.contacts.at(slot, lane);
+                    if (o.finger >= 0) {
+                        const BodyProgress& b = w.s.bodies[o.body];
+                        o.pose = plane_side(at_end_of_step ? moved(b.pose, b.step, 1) : b.pose,
+                                            o.finger < c.finger[std::size_t(lane)]);
+                    } else if (o.body >= 0) {
+                        o.pose = w.s.objects[o.object].pose;
+                    }
+                }
+        });
+}
+
 void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies) {
     if (bodies.empty()) return;
     for (RigidShape& shape : shapes)
@@ -439,11 +258,12 @@ void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& 
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   const std::vector<PairFriction>& pair_frictions, double time, const Table<Skin>& skins,
                   Threads& threads, Table<RigidShape>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
-                  BodySolve& solve, SkinChunks& chunks) {
-    if (bodies.empty() && pairs.near.empty()) return;
+                  SoftObjects& soft, BodySolve& solve, SkinChunks& chunks) {
+    if (bodies.empty() && pairs.near.empty() && soft.all.empty()) return;
     solve.bodies.resize(bodies.size() + pairs.near.size());
-    Work w{solver, threads, shapes, bodies, solve, chunks, time, skins, pairs};
+    Work w{solver, threads, shapes, bodies, solve, chunks, time, skins, pairs, soft};
     find_islands(w, gravity, pair_frictions);
+    begin_soft_contact(w);
     auto active = [](const Island& i) { return bool(i.progress.active); };
     for (int i = 0; i < solve.island_count; ++i) solve.islands[i].stiffness = 0;
     for_each_lane(w, [](auto& c, int lane, Island& i) {
@@ -485,6 +305,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     balance_planes(w);
     place_bodies(w, false);
     end_body_step(w);
+    end_soft_contact(w);
 }
 
 }  // namespace palpate

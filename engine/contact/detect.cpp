@@ -89,6 +89,7 @@ int detect_for_lane(const Table<RigidShape>& shapes, const Table<RigidBody>& bod
     int slot = 0, growths = 0;
     for (int object = 0; object < int(shapes.size()); ++object) {
         const RigidShape& shape = shapes[std::size_t(object)];
+        if (shape.soft >= 0) continue;  // its skin is touched (detect_soft.cpp)
         const double approach = shape.body < 0 ? 0
                                                : 2 * solver.dt * norm(bodies[std::size_t(shape.body)].velocity) +
                                                      20 * solver.dt * solver.dt;

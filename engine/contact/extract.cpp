@@ -192,10 +192,84 @@ void add_slips(Table<ContactSurface>& surfaces) {
         }
 }
 
+/// The samples of a pad that are nodes of a stencil, with its weights; -1: held, or no sample.
+template <class T>
+int sample_of(const SkinChunk<T>& c, int node) {
+    const std::vector<int>& samples = c.topology->samples;
+    const auto at = std::lower_bound(samples.begin(), samples.end(), node);
+    return at != samples.end() && *at == node ? int(at - samples.begin()) : -1;
+}
+
+/// Adds what one sample of a finger and a face of a soft object bear to one of the two; `sign` turns the finger's
+/// force into its.
+template <class T>
+void add_soft_sample(const SkinChunk<T>& c, const Stencil& stencil, const SoftSample& s, double sign,
+                     ContactSurface& out, ObjectContact& sums) {
+    const Vec3<double> pressing = sign * s.terms.normal_force * s.normal, whole = -sign * s.terms.gradient;
+    for (std::size_t k = 0; k < std::size_t(stencil.count); ++k) {
+        const int i = sample_of(c, stencil.node[k]);
+        if (i < 0 || !(stencil.weight[k] > 0)) continue;
+        out.force[std::size_t(i)] += stencil.weight[k] * whole;
+        out.pressing[std::size_t(i)] += stencil.weight[k] * pressing;
+        if (s.terms.normal_force > 0) out.touches[std::size_t(i)] = 1;
+    }
+    out.total += whole;
+    out.normal_force += s.terms.normal_force;
+    sums.force += whole;
+    sums.normal_force += s.terms.normal_force;
+    sums.friction_force += norm(s.terms.tangential);
+}
+
+void measure_touching(ContactSurface& out) {
+    out.touching_area = 0;
+    out.touching = 0;
+    for (std::size_t s = 0; s < out.touches.size(); ++s)
+        if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
+}
+
+/// What a pair bears goes to both of its contact surfaces.
+template <class T>
+void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, const SoftPair& p, int object,
+                  ContactSurface& of_finger, ContactSurface& of_soft) {
+    ObjectContact on_finger{object}, on_soft{-1, p.finger};
+    for (const SoftSample& s : p.samples) {
+        if (!s.near || s.idle) continue;
+        add_soft_sample(finger, s.of_finger, s, 1, of_finger, on_finger);
+        add_soft_sample(soft, s.of_face, s, -1, of_soft, on_soft);
+        if (!(s.terms.normal_force > 0)) continue;
+        const double share = s.terms.normal_force / on_finger.normal_force;
+        on_finger.slip += share * (s.slip - on_finger.slip);
+    }
+    on_finger.friction_available = on_soft.friction_available = p.friction * on_finger.normal_force;
+    on_soft.slip = on_finger.slip;
+    const auto later = [&](const ObjectContact& o) { return o.object < 0 || o.object > object; };
+    of_finger.objects.insert(std::find_if(of_finger.objects.begin(), of_finger.objects.end(), later), on_finger);
+    of_soft.objects.push_back(on_soft);
+    measure_touching(of_finger);
+    measure_touching(of_soft);
+}
+
+void extract_soft(const Table<Skin>& skins, double tolerance, SoftObjects& soft, SkinChunks& chunks,
+                  Table<ContactSurface>& surfaces) {
+    for (SoftObject& o : soft.all) {
+        auto& chunk = chunks.doubles[std::size_t(o.skin.chunk)];
+        if (!((chunk.unchanged_lanes >> o.skin.lane) & 1u)) extract(chunk, o.skin.lane, tolerance, o.hold, o.surface);
+    }
+    for (const SoftPair& p : soft.pairs) {
+        if (!p.near) continue;
+        SoftObject& o = soft.all[std::size_t(p.soft)];
+        const Skin& finger = skins[std::size_t(p.finger)];
+        chunks.with(finger.single_precision, finger.chunk, [&](const auto& c) {
+            extract_pair(c, chunks.doubles[std::size_t(o.skin.chunk)], p, o.object, surfaces[std::size_t(p.finger)],
+                         o.surface);
+        });
+    }
+}
+
 }  // namespace
 
-void extract_contact(const Table<Skin>& skins, double tolerance, SkinChunks& chunks, Table<Coupling>& couplings,
-                     Table<ContactSurface>& surfaces) {
+void extract_contact(const Table<Skin>& skins, double tolerance, SoftObjects& soft, SkinChunks& chunks,
+                     Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
     for (std::size_t row = 0; row < surfaces.size(); ++row) {
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
@@ -206,6 +280,7 @@ void extract_contact(const Table<Skin>& skins, double tolerance, SkinChunks& chu
         });
     }
     add_slips(surfaces);
+    extract_soft(skins, tolerance, soft, chunks, surfaces);
 }
 
 }  // namespace palpate

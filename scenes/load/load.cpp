@@ -144,7 +144,7 @@ void read_scene(Section& root, Scene& scene, FingerTemplates& templates, Problem
     }
     const HandSource hands = read_hand_source(root, scene, folder);
     root.vector("gravity_m_per_s2", scene.spec.gravity, unit::m_per_s2, 1000, "Gravity, on bodies.");
-    read_objects(root, scene, folder);
+    read_objects(root, scene, folder, templates);
     read_fingers(root, scene, folder, hands, templates, problems);
     read_pair_frictions(root, scene);
     read_contact(root.table("contact", "Fingers against each other."), scene.spec);

@@ -6,6 +6,7 @@
 #include "meshes/input_error.h"
 #include "meshes/surface.h"
 #include "scenes/load/load_motion.h"
+#include "scenes/load/load_soft.h"
 
 namespace palpate {
 
@@ -157,7 +158,7 @@ void check_name(Section& s, const std::string& name, const std::vector<std::stri
         s.complain("name", std::string("two ") + what + " are called '" + name + "'");
 }
 
-void read_objects(Section& root, Scene& scene, const std::filesystem::path& folder) {
+void read_objects(Section& root, Scene& scene, const std::filesystem::path& folder, FingerTemplates& templates) {
     std::vector<std::string> names;
     for (Section& s :
          root.tables("object", "A virtual object: fixed, moved by its track, or a body that forces move.")) {
@@ -178,7 +179,9 @@ void read_objects(Section& root, Scene& scene, const std::filesystem::path& fold
         auto track = read_track(s, "Poses over time of an object that a script moves, instead of a fixed pose.");
         check_belongings(s, shape.kind);
         const bool shaped = make_shape(s, shape, folder, o);
-        if (shaped) make_body(s, body, o);
+        read_soft(s, shaped && s.in_file(), (folder / shape.file).lexically_normal().string(),
+                  unit_words[std::size_t(shape.unit)], templates, o);
+        if (shaped && !s.has("soft")) make_body(s, body, o);
         if (!track.empty() && (s.has("position_mm") || s.has("rotation_deg")))
             s.complain(s.has("position_mm") ? "position_mm" : "rotation_deg", "an object has either a pose or a track");
         if (!track.empty() && o.body) s.complain("track", "an object has either a track or a mass that forces move");

@@ -7,7 +7,7 @@
 namespace palpate {
 
 /// [[object]]: shapes, meshes, bodies, tracks. Files are relative to `folder`.
-void read_objects(Section& root, Scene& scene, const std::filesystem::path& folder);
+void read_objects(Section& root, Scene& scene, const std::filesystem::path& folder, FingerTemplates& templates);
 
 /// [[friction]]: the coefficient of two objects, or of a finger and an object, against each other.
 void read_pair_frictions(Section& root, Scene& scene);

@@ -95,15 +95,42 @@ void dent(const World& world, const RigidShape& o, Triangles& t) {
     }
 }
 
-}  // namespace
-
-std::vector<double> node_pressures(const World& world, EntityId finger) {
-    const TetMesh& mesh = world.skins.find(finger)->mesh;
-    const ContactSurface& contact = *world.contact_surfaces.find(finger);
+std::vector<double> pressures_of(const TetMesh& mesh, const ContactSurface& contact) {
     std::vector<double> pressure(mesh.nodes.size(), 0.0);
     for (std::size_t s = 0; s < mesh.pad_nodes.size(); ++s)
         pressure[std::size_t(mesh.pad_nodes[s])] = norm(contact.force[s]) / contact.area[s];
     return pressure;
+}
+
+/// An object of tissue as it is deformed; pressure shows on its own colour. Faces that meet at an edge do not share
+/// their normals.
+Triangles soft_triangles(const World& world, const SoftObject& o, Colour colour, double most) {
+    std::vector<Vector3d> x;
+    for (const Point& p : soft_positions(world, o)) x.push_back(as_eigen(p));
+    const std::vector<Vector3d> normal = normals_of(x, o.skin.mesh.surface);
+    const std::vector<double> pressure = pressures_of(o.skin.mesh, o.surface);
+    Triangles t;
+    for (const auto& f : o.skin.mesh.surface) {
+        const std::array<std::size_t, 3> c{std::size_t(f[0]), std::size_t(f[1]), std::size_t(f[2])};
+        const Vector3d flat = (x[c[1]] - x[c[0]]).cross(x[c[2]] - x[c[0]]).normalized();
+        const int first = int(t.vertices.size());
+        for (const std::size_t k : c) {
+            const double share = std::min(1.0, pressure[k] / most);
+            const Colour pressed = skin_colour(share);
+            const float mixed = float(std::min(1.0, 4 * share));
+            Colour shown;
+            for (std::size_t d = 0; d < 3; ++d) shown[d] = colour[d] + mixed * (pressed[d] - colour[d]);
+            t.vertices.push_back({x[k], normal[k].dot(flat) > 0.8 ? normal[k] : flat, shown});
+        }
+        t.faces.push_back({first, first + 1, first + 2});
+    }
+    return t;
+}
+
+}  // namespace
+
+std::vector<double> node_pressures(const World& world, EntityId finger) {
+    return pressures_of(world.skins.find(finger)->mesh, *world.contact_surfaces.find(finger));
 }
 
 bool centre_of_pressure(const World& world, EntityId finger, Vector3d& place, Vector3d& force) {
@@ -180,7 +207,8 @@ std::vector<Vector3d> area_outline(const World& world, EntityId finger, double l
     return out;
 }
 
-Triangles object_triangles(const World& world, const RigidShape& o, Colour colour) {
+Triangles object_triangles(const World& world, const RigidShape& o, Colour colour, double most) {
+    if (o.soft >= 0) return soft_triangles(world, world.soft.all[std::size_t(o.soft)], colour, most);
     const Vec3<double>& s = o.shape.size;
     Triangles t;
     std::vector<std::array<double, 2>> profile;

@@ -16,8 +16,9 @@ bool centre_of_pressure(const World& world, EntityId finger, Eigen::Vector3d& pl
 Triangles finger_triangles(const World& world, EntityId finger, double most, bool in_bone_frame = false);
 /// Edge of the touched area: pairs of points where pressure falls below `level` [Pa], bone frame.
 std::vector<Eigen::Vector3d> area_outline(const World& world, EntityId finger, double level);
-/// An object where it is, with dents where skin presses into one that gives way. A plane has none: see floor().
-Triangles object_triangles(const World& world, const RigidShape& object, Colour colour);
+/// An object where it is, with dents where skin presses into one that gives way; one of tissue as it is deformed,
+/// coloured by pressure up to `most` [Pa]. A plane has none: see floor().
+Triangles object_triangles(const World& world, const RigidShape& object, Colour colour, double most = 1e4);
 /// Edges of an object beyond an angle, pairs of points.
 std::vector<Eigen::Vector3d> sharp_edges(const Triangles& t, double angle_deg);
 Triangles hand_triangles(const HandParts& parts, const HandBones& bones, Colour colour);

@@ -136,7 +136,7 @@ void Painter::paint_scene(const Simulation& s, Image& image, int top, int height
         else if (o.shape.kind == ShapeKind::plane)
             objects.push_back(&keep(tilted_plane(o, colour, camera_.target)));
         else
-            objects.push_back(&keep(object_triangles(s.world, o, colour)));
+            objects.push_back(&keep(object_triangles(s.world, o, colour, most_)));
         if (!is_floor(o))
             for (const Vertex& v : objects.back()->vertices) lowest = std::min(lowest, v.position.z());
     }

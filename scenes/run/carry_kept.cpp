@@ -131,6 +131,27 @@ void carry_fingers(World& u, World& v, const Rows& rows) {
     rename(u.finger_pairs.before, v.finger_pairs.before);
 }
 
+/// Soft objects that stay, and what kept fingers press them with.
+void carry_soft(World& u, World& v, const Rows& rows) {
+    std::vector<int> before(v.soft.all.size(), -1);
+    for (std::size_t k = 0; k < v.soft.all.size(); ++k) {
+        SoftObject& to = v.soft.all[k];
+        const int object = rows.kept.objects[std::size_t(to.object)];
+        before[k] = object < 0 ? -1 : u.shapes[std::size_t(object)].soft;
+        if (before[k] < 0) continue;
+        SoftObject& from = u.soft.all[std::size_t(before[k])];
+        carry_finger(u.chunks.doubles[std::size_t(from.skin.chunk)], from.skin,
+                     v.chunks.doubles[std::size_t(to.skin.chunk)], to.skin, int(v.skins.size() + k), rows, v);
+        to.hold.target = from.hold.target, to.hold.last_target = from.hold.last_target;
+        to.hold.started = from.hold.started;
+    }
+    for (SoftPair& to : v.soft.pairs)
+        for (const SoftPair& from : u.soft.pairs)
+            if (from.soft == before[std::size_t(to.soft)] && from.finger == rows.kept.fingers[std::size_t(to.finger)] &&
+                from.samples.size() == to.samples.size())
+                to.samples = from.samples;
+}
+
 void carry_objects(World& u, World& v, const Rows& rows) {
     BodySolve &s = u.body_solve, &t = v.body_solve;
     std::vector<BodyPair> pairs;
@@ -202,6 +223,7 @@ void carry_kept(Simulation& from, Simulation& to, const KeptRows& kept) {
     v.time = u.time, v.step = u.step, v.sampled_at = u.sampled_at, v.contact_growths = u.contact_growths;
     carry_objects(u, v, rows);  // first: contacts say whose bodies they are on
     carry_fingers(u, v, rows);
+    carry_soft(u, v, rows);
     carry_thimbles(from, to, rows);
     for (std::size_t i = 0; i < kept.fingers.size(); ++i)
         if (kept.fingers[i] >= 0) to.finger_counts[i] = from.finger_counts[std::size_t(kept.fingers[i])];

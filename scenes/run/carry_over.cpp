@@ -37,9 +37,21 @@ void rearrange(const World& like, const std::vector<SkinChunk<T>>& model, World&
     }
 }
 
+/// Soft objects keep what they are pressed with; their chunks are carried as fingers' are.
+void carry_soft(const SoftObjects& from, SoftObjects& to) {
+    for (std::size_t k = 0; k < to.all.size(); ++k) {
+        const Coupling& a = from.all[k].hold;
+        Coupling& b = to.all[k].hold;
+        b.target = a.target, b.last_target = a.last_target, b.started = a.started;
+    }
+    for (std::size_t k = 0; k < to.pairs.size(); ++k)
+        if (from.pairs[k].samples.size() == to.pairs[k].samples.size()) to.pairs[k].samples = from.pairs[k].samples;
+}
+
 bool alike(const Simulation& a, const Simulation& b) {
     const World &u = a.world, &v = b.world;
     if (!alike(u.chunks.doubles, v.chunks.doubles) || !alike(u.chunks.floats, v.chunks.floats)) return false;
+    if (u.soft.all.size() != v.soft.all.size() || u.soft.pairs.size() != v.soft.pairs.size()) return false;
     if (u.shapes.size() != v.shapes.size() || u.bodies.size() != v.bodies.size() ||
         u.pose_filters.size() != v.pose_filters.size() ||
         u.body_solve.first_pair.size() != v.body_solve.first_pair.size())
@@ -47,7 +59,7 @@ bool alike(const Simulation& a, const Simulation& b) {
     for (std::size_t i = 0; i < u.shapes.size(); ++i) {
         const RigidShape &x = u.shapes[i], &y = v.shapes[i];
         const bool moves = x.body >= 0 || x.held_body >= 0, would_move = y.body >= 0 || y.held_body >= 0;
-        if (x.shape.kind != y.shape.kind || moves != would_move) return false;
+        if (x.shape.kind != y.shape.kind || x.soft != y.soft || moves != would_move) return false;
     }
     return std::equal(u.matchings.begin(), u.matchings.end(), v.matchings.begin(), v.matchings.end(),
                       [](const Matching& x, const Matching& y) {
@@ -115,6 +127,7 @@ bool carry_over(Simulation& from, Simulation& to) {
         v.finger_pairs.near = u.finger_pairs.near, v.finger_pairs.before = u.finger_pairs.before;
     else
         part_fingers(v);
+    carry_soft(u.soft, v.soft);
     v.body_solve.pairs = u.body_solve.pairs;
     v.body_solve.first_pair = u.body_solve.first_pair;
     for (std::size_t i = 0; i < u.matchings.size(); ++i) {

@@ -233,6 +233,19 @@ void exchange(Archive& a, BodySolve& s) {
     }
 }
 
+/// Soft objects, and what fingers press them with.
+template <class Archive>
+void exchange(Archive& a, SoftObjects& soft) {
+    for (SoftObject& o : soft.all) {
+        value(a, o.hold);
+        exchange(a, o.surface);
+    }
+    for (SoftPair& p : soft.pairs) {
+        value(a, p.friction, p.near);
+        array(a, p.samples);
+    }
+}
+
 template <class Archive>
 void exchange(Archive& a, World& w) {
     value(a, w.time, w.step, w.solver, w.sampled_at, w.contact_growths);
@@ -246,6 +259,7 @@ void exchange(Archive& a, World& w) {
     exchange(a, w.body_solve);
     growing(a, w.finger_pairs.near);
     growing(a, w.finger_pairs.before);
+    exchange(a, w.soft);
     w.chunks.for_each([&](auto& chunk) { exchange(a, chunk, w.shapes); });
     for (Matching& m : w.matchings) {
         value(a, m.next, m.fresh, m.force_N, m.solves, m.constrained_solves, m.failures, m.contact_solves, m.beside_N,
@@ -276,13 +290,14 @@ std::uint64_t fingerprint(const Simulation& s) {
     Writer a(what);
     const auto number = [&](double v) { value(a, v); };
     const World& w = s.world;
-    for (std::size_t n : {w.skins.size(), w.shapes.size(), w.bodies.size(), w.matchings.size(), w.pose_filters.size(),
-                          w.force_matchers.size(), sizeof(RigidBody), sizeof(LaneContact), sizeof(Coupling),
-                          sizeof(SolverSettings), sizeof(FeatureContact), sizeof(FingerPair)})
+    for (std::size_t n :
+         {w.skins.size(), w.shapes.size(), w.bodies.size(), w.matchings.size(), w.pose_filters.size(),
+          w.force_matchers.size(), sizeof(RigidBody), sizeof(LaneContact), sizeof(Coupling), sizeof(SolverSettings),
+          sizeof(FeatureContact), sizeof(FingerPair), w.soft.all.size(), w.soft.pairs.size(), sizeof(SoftSample)})
         number(double(n));
     number(w.finger_pairs.on);
     number(w.finger_pairs.friction);
-    for (const FingerSpec& f : s.scene.spec.fingers) {
+    const auto tissue = [&](const FingerSpec& f) {
         a.bytes(f.name.data(), f.name.size());
         a.bytes(f.mesh.nodes.data(), f.mesh.nodes.size() * sizeof f.mesh.nodes[0]);
         a.bytes(f.mesh.tets.data(), f.mesh.tets.size() * sizeof f.mesh.tets[0]);
@@ -291,7 +306,10 @@ std::uint64_t fingerprint(const Simulation& s) {
             number(v);
         a.bytes(f.element_young.data(), f.element_young.size() * sizeof(double));
         a.bytes(f.element_membrane.data(), f.element_membrane.size() * sizeof(double));
-    }
+    };
+    for (const FingerSpec& f : s.scene.spec.fingers) tissue(f);
+    for (const ObjectSpec& o : s.scene.spec.objects)
+        if (o.tissue) tissue(*o.tissue);
     for (const ObjectSpec& o : s.scene.spec.objects) {
         a.bytes(o.name.data(), o.name.size());
         for (double v : {o.shape.size.x, o.shape.size.y, o.shape.size.z, o.friction, o.stiffness,

@@ -37,7 +37,17 @@ function readFrame(view, at) {
     for (let i = 0; i < f.forces.length; ++i) f.forces[i] = 2e-4 * i16();
     frame.fingers.push(f);
   }
-  for (let i = 0; i < stage.objects.length; ++i) frame.objects.push(pose());
+  for (const object of stage.objects) {
+    const at = pose();
+    frame.objects.push(at);
+    if (object.kind !== 'soft') continue;
+    const n = object.vertices.length / 3;
+    at.position = new Float32Array(3 * n), at.pressure = new Float32Array(n);
+    for (let i = 0; i < n; ++i) {
+      for (let d = 0; d < 3; ++d) at.position[3 * i + d] = 1e3 * f32();
+      p += 2; at.pressure[i] = 0.01 * view.getUint16(p - 2, true);
+    }
+  }
   for (const thimble of stage.thimbles) {
     const t = { pose: pose(), q: [] };
     for (let k = 0; k < thimble.joint_min.length; ++k) t.q.push(f32());

@@ -95,6 +95,19 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
         for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, f[d], 2e-4);
 }
 
+/// A soft object's skin, in the frame of its pose.
+void append_soft(std::vector<std::uint8_t>& out, const World& world, const SoftObject& o) {
+    const Pose<double>& pose = world.shapes[std::size_t(o.object)].pose;
+    const std::vector<Point> now = soft_positions(world, o);
+    const std::vector<double> pressure = pressures(o.skin.mesh, o.surface.force, o.surface.area);
+    for (int i : skin_nodes(o.skin.mesh)) {
+        const Point& x = now[std::size_t(i)];
+        const Vec3<double> here = inverse_transform(pose, Vec3<double>{x[0], x[1], x[2]});
+        put_floats(out, {here.x, here.y, here.z});
+        put_scaled<std::uint16_t>(out, pressure[std::size_t(i)], 10);
+    }
+}
+
 void append_thimble(std::vector<std::uint8_t>& out, const Matching& m) {
     const Platform p = m.model.kind->platform(m.model, m.result.w);
     const Eigen::Vector3d centre = m.model.mount * p.centre;
@@ -165,6 +178,13 @@ nlohmann::json stage_of(const Simulation& s) {
                                     {"kind", kinds[int(o.shape.kind)]},
                                     {"size", {o.shape.size.x, o.shape.size.y, o.shape.size.z}},
                                     {"friction", o.friction}});
+        if (o.soft >= 0) {
+            const nlohmann::json skin = finger_json(s.world.soft.all[std::size_t(o.soft)].skin);
+            stage["objects"].back()["kind"] = "soft";
+            stage["objects"].back()["vertices"] = skin["rest"];
+            stage["objects"].back()["triangles"] = skin["triangles"];
+            continue;
+        }
         if (!o.mesh) continue;
         nlohmann::json vertices = nlohmann::json::array(), triangles = nlohmann::json::array();
         for (const Point& p : o.mesh->surface.vertices)
@@ -184,7 +204,10 @@ void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std
                   DrawnHands& hands, double longest_step_us) {
     put_floats(out, {s.world.time, longest_step_us});
     for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
-    for (const RigidShape& o : s.world.shapes) put_pose(out, o.pose);
+    for (const RigidShape& o : s.world.shapes) {
+        put_pose(out, o.pose);
+        if (o.soft >= 0) append_soft(out, s.world, s.world.soft.all[std::size_t(o.soft)]);
+    }
     for (std::size_t t = 0; t < s.world.matchings.size(); ++t) {
         const Matching& m = s.world.matchings[t];
         append_thimble(out, m);

@@ -7,7 +7,7 @@ function geometryOf(object) {
   const s = object.size.map(x => 1e3 * x);
   if (object.kind === 'box') return new THREE.BoxBufferGeometry(2 * s[0], 2 * s[1], 2 * s[2]);
   if (object.kind === 'sphere') return new THREE.SphereBufferGeometry(s[0], 48, 32);
-  if (object.kind === 'mesh') {
+  if (object.kind === 'mesh' || object.kind === 'soft') {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(object.vertices.map(x => 1e3 * x)), 3));
     geometry.setIndex(object.triangles);
@@ -68,8 +68,25 @@ function objectOf(object, k) {
   const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 35), new THREE.LineBasicMaterial(
     { color: new THREE.Color(colour).multiplyScalar(0.55), transparent: true, opacity: 0.7 }));
   edges.renderOrder = 3;
-  group.add(edges);
+  if (object.kind === 'soft') group.dent = dentOf(geometry, group.children[1].material, new THREE.Color(colour));
+  else group.add(edges);  // of tissue they would stay where they were
   return group;
+}
+/** What puts the surface of an object of tissue where it is, in the colours of what presses on it. */
+function dentOf(geometry, material, own) {
+  geometry.setAttribute('color', new THREE.BufferAttribute(new Float32Array(geometry.attributes.position.array.length), 3));
+  material.color.set('#ffffff'), material.vertexColors = THREE.VertexColors;
+  return at => {
+    geometry.attributes.position.array.set(at.position);
+    const shown = geometry.attributes.color.array;
+    for (let i = 0; i < at.pressure.length; ++i) {
+      const share = at.pressure[i] / quantities.pressure.most, pressed = skinColour(share), mix = Math.min(1, 4 * share);
+      [own.r, own.g, own.b].forEach((c, d) => { shown[3 * i + d] = c + mix * (pressed[d] - c); });
+    }
+    geometry.attributes.position.needsUpdate = geometry.attributes.color.needsUpdate = true;
+    geometry.computeVertexNormals();
+    geometry.computeBoundingSphere();
+  };
 }
 
 /** A floor with a grid of 10 mm that ends softly; from below one sees through it. */

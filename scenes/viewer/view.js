@@ -118,6 +118,7 @@ function show(index) {
   frame.objects.forEach((pose, k) => {
     place(objects[k], pose);
     if (objects[k].settle) objects[k].settle();
+    if (objects[k].dent) objects[k].dent(pose);
     objects[k].visible = by('objects').checked;
   });
   if (!ground && objects.length > 0 && !stage.objects.some(object => object.kind === 'plane')) {

@@ -210,6 +210,7 @@ struct SkinChunk {
     unsigned unchanged_lanes = 0;  ///< asleep, and as they were when their contact was read last
     unsigned linear_lanes = 0;     ///< the tissue's forces are linear in the nodes' motion (linear_tissue.h)
     unsigned fine_lanes = ~0u;     ///< contact is decided between nodes, too, where the topology has such samples
+    unsigned soft_lanes = 0;       ///< a soft object is near a finger, or a finger near a soft object (soft_objects.h)
     LimitActivity limits;
     std::array<double, 16> skin_mass{},
         skin_inertia{};                    ///< [lane] [kg], mean over axes through the bone's origin [kg m^2]

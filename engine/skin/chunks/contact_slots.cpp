@@ -223,14 +223,15 @@ void end_slots(SkinChunk<T>& c, const SolverSettings& settings) {
 
 template <class T>
 unsigned near_lanes(const SkinChunk<T>& c) {
-    unsigned lanes = 0;
+    unsigned lanes = c.soft_lanes;
     for (int lane = 0; lane < c.width; ++lane)
         if (c.contacts.count[std::size_t(lane)] > 0) lanes |= 1u << lane;
     return lanes;
 }
 
 template <class T>
-bool near_a_body(const SkinChunk<T>& c) {
+bool solved_with_others(const SkinChunk<T>& c) {
+    if (c.soft_lanes != 0) return true;
     for (int lane = 0; lane < c.width; ++lane)
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
             if (c.contacts.at(slot, lane).body >= 0) return true;
@@ -245,7 +246,7 @@ bool near_a_body(const SkinChunk<T>& c) {
     template void end_slots(SkinChunk<T>&, const SolverSettings&);             \
     template void place_slots(SkinChunk<T>&);                                  \
     template unsigned near_lanes(const SkinChunk<T>&);                         \
-    template bool near_a_body(const SkinChunk<T>&);
+    template bool solved_with_others(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)
 #undef PALPATE_INSTANTIATE

@@ -86,8 +86,8 @@ void place_slots(SkinChunk<T>& chunk);
 template <class T>
 unsigned near_lanes(const SkinChunk<T>& chunk);
 
-/// Whether a body is near some lane.
+/// Whether a body, another finger or a soft object is near some lane.
 template <class T>
-bool near_a_body(const SkinChunk<T>& chunk);
+bool solved_with_others(const SkinChunk<T>& chunk);
 
 }  // namespace palpate

@@ -135,7 +135,7 @@ inline void solve_columns_forward(SkinChunk<ScalarOf<R>>& c) {
 /// Takes Y' Y from the bodies' matrix and Y' y from their right-hand side, Y = columns, y = permuted (both behind
 /// L^-1).
 template <class R>
-inline void condense(SkinChunk<ScalarOf<R>>& c) {
+inline void condense(SkinChunk<ScalarOf<R>>& c, bool with_matrix) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>, W3 = 3 * W;
     const std::size_t stride = c.topology->unknowns.size() * W3;
@@ -151,7 +151,7 @@ inline void condense(SkinChunk<ScalarOf<R>>& c) {
             store<R>(rhs, load<R>(rhs) - times(of_a + k * stride, c.scratch.permuted.data()));
         }
         for_each_body_slot(c, [&](int b) {
-            if (b < a) return;
+            if (b < a || !with_matrix) return;
             const T* of_b = &c.exchange.columns[6 * b * stride];
             T* matrix = &c.exchange.body_matrix[36 * std::size_t(a * c.contacts.capacity + b) * W];
             for (int k = 0; k < 36; ++k) {
@@ -213,13 +213,14 @@ void coupled_update(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, u
     detail::update_multipliers<R>(c, mask);
 }
 
-/// Factors the lanes' matrices and condenses them for the bodies. The right-hand side is minus the gradient in the
-/// first call of a direction, and what contact_residual left afterwards.
+/// Factors the lanes' matrices and condenses them for the bodies. Of a given right-hand side, the lanes' part stands in
+/// scratch.permuted, and that of the bodies with them: body_rhs begins at zero.
 template <class R>
-void coupled_condense(SkinChunk<ScalarOf<R>>& c, unsigned lanes, bool first) {
+void coupled_condense(SkinChunk<ScalarOf<R>>& c, unsigned lanes, Condense what) {
+    using T = ScalarOf<R>;
     constexpr int W = lane_width<R>, W3 = 3 * W;
     const SkinTopology& t = *c.topology;
-    if (first) {
+    if (what == Condense::gradient) {
         detail::damp<R>(c, mask_from_bits<R>(lanes), detail::given<R>(c, &LaneReport::damping));
         for (int i : t.unknowns)
             store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
@@ -229,11 +230,14 @@ void coupled_condense(SkinChunk<ScalarOf<R>>& c, unsigned lanes, bool first) {
                          -load<R>(&c.exchange.body_gradient[(6 * slot + k) * W]));
         });
     }
-    detail::report<R>(c, &LaneReport::bad_pivots, detail::factor_matrix<R>(c));
+    if (what == Condense::given) std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
+    detail::report<R>(c, &LaneReport::bad_pivots, what == Condense::given ? R(T(0)) : detail::factor_matrix<R>(c));
     detail::solve_forward<R>(c);
-    detail::fill_columns<R>(c);
-    detail::solve_columns_forward<R>(c);
-    detail::condense<R>(c);
+    if (what != Condense::given) {
+        detail::fill_columns<R>(c);
+        detail::solve_columns_forward<R>(c);
+    }
+    detail::condense<R>(c, what != Condense::given);
 }
 
 /// With the bodies' step known: the lanes' part of the direction, set by the first call and added to by further ones.

@@ -8,13 +8,17 @@
 
 namespace palpate {
 
+/// What lanes condense for bodies: minus the gradient; what contact_residual left, by the matrix that it changed; any
+/// right-hand side, by the matrix as it was factored.
+enum class Condense { gradient, residual, given };
+
 /// The parts of a solve that fingers share with bodies (coupled.h).
 template <class T>
 struct CoupledKernel {
     void (*begin)(SkinChunk<T>&, const SolverSettings&);
     void (*evaluate)(SkinChunk<T>&, const SolverSettings&, bool with_matrix);
     void (*update)(SkinChunk<T>&, const SolverSettings&, unsigned lanes);
-    void (*condense)(SkinChunk<T>&, unsigned lanes, bool first);
+    void (*condense)(SkinChunk<T>&, unsigned lanes, Condense what);
     void (*direction)(SkinChunk<T>&, unsigned lanes, bool first);
     void (*restore)(SkinChunk<T>&, unsigned lanes);
     void (*contact_residual)(SkinChunk<T>&, unsigned lanes);

@@ -13,7 +13,7 @@ namespace {
 template <class T>
 void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
     if (c.rigid_lanes != 0) kernel_for(c).move_rigid(c, solver);
-    if (near_a_body(c)) return;
+    if (solved_with_others(c)) return;
     if (active_lanes(c) != 0) {
         solve_skin(c, solver);
         end_slots(c, solver);

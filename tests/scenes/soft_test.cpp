@@ -1,0 +1,217 @@
+// Objects of tissue: laws that hold whatever they are made of.
+
+#include "meshes/input_error.h"
+#include "scenes/load/scene.h"
+#include "scenes/run/simulation.h"
+#include "scenes/run/state.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+/// A finger that presses a slab; `more` goes into the slab's table, `rest` to the end.
+std::string slab(const std::string& solver = "", const std::string& more = "", const std::string& rest = "") {
+    return "duration_s = 0.2\ndt_ms = 2\n[limits]\nlow = 0.6\nhigh = 1.4\n[solver]\n" + solver +
+           "\n[[object]]\nname = \"slab\"\nkind = \"box\"\nsize_mm = [40, 30, 14]\nposition_mm = [0, 0, -7]\n"
+           "friction = 0.4\n" +
+           more +
+           "\n[object.soft]\nyoung_kPa = 10\nelements = 400\nfixed = \"bottom\"\n"
+           "[[finger]]\nname = \"index\"\nfinger = \"index-median\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 8.5] }, "
+           "{ t_s = 0.15, position_mm = [2, 0, 5], rotation_deg = [0, 5, 0] } ]\n" +
+           rest;
+}
+
+Simulation load(const std::string& text, int threads = 1) {
+    return make_simulation(load_scene_text(text, "slab.toml"), threads);
+}
+
+/// Worst share of a step's force that finger and slab do not give each other, and of its torque.
+struct Balance {
+    double force = 0, torque = 0, most = 0;
+};
+Balance balance_of(Simulation& s, int steps) {
+    Balance worst;
+    for (int k = 0; k < steps; ++k) {
+        advance(s);
+        Vec3<double> force{0, 0, 0}, torque{0, 0, 0};
+        double size = 0;
+        auto add = [&](const ContactSurface& c) {
+            for (std::size_t i = 0; i < c.force.size(); ++i) {
+                force += c.force[i];
+                torque += cross(transform(c.bone, c.position[i]), c.force[i]);
+                size += norm(c.force[i]);
+            }
+        };
+        for (const ContactSurface& c : s.world.contact_surfaces) add(c);
+        for (const SoftObject& o : s.world.soft.all) add(o.surface);
+        worst.most = std::max(worst.most, s.world.contact_surfaces[0].normal_force);
+        if (!(size > 1e-6)) continue;
+        worst.force = std::max(worst.force, norm(force) / size);
+        worst.torque = std::max(worst.torque, norm(torque) / (size * 5e-3));
+    }
+    return worst;
+}
+
+TEST(Soft, FingerAndObjectPressEachOtherAlike) {
+    for (const char* preset : {"reference", "balanced", "fast"}) {
+        Simulation s = load(slab("preset = \"" + std::string(preset) + "\""));
+        const Balance worst = balance_of(s, 100);
+        EXPECT_GT(worst.most, 0.1) << preset;
+        EXPECT_LT(worst.force, 1e-6) << preset;
+        std::printf("%s: up to %.3f N; force balanced to %.1e, torque to %.1e\n", preset, worst.most, worst.force,
+                    worst.torque);
+    }
+}
+
+TEST(Soft, WhatIsHeldBearsWhatPresses) {
+    Simulation s = load(slab("static = true"));
+    for (int k = 0; k < 100; ++k) advance(s);
+    const SoftObject& o = s.world.soft.all[0];
+    const auto& chunk = s.world.chunks.doubles[std::size_t(o.skin.chunk)];
+    Vec3<double> held{0, 0, 0};
+    for (int node : o.skin.mesh.bone_nodes)
+        for (int d = 0; d < 3; ++d) held[d] += chunk.scratch.gradient[std::size_t(3 * node + d)];
+    const Vec3<double> pressed = s.world.contact_surfaces[0].total;
+    EXPECT_GT(pressed.z, 0.1);
+    EXPECT_LT(norm(held - pressed), 1e-4 * norm(pressed));
+    EXPECT_TRUE(chunk.status[0].converged);
+    EXPECT_TRUE(skin_status(s.world, s.fingers[0]).converged);
+}
+
+TEST(Soft, RigidMotionMakesNoForce) {
+    std::string text = slab("static = true", "");
+    text.replace(text.find("position_mm = [0, 0, -7]"), 24,
+                 "track = [ { t_s = 0, position_mm = [0, 0, -60] }, { t_s = 0.2, position_mm = [30, 20, -80], "
+                 "rotation_deg = [40, 20, 70] } ]");
+    Simulation s = load(text);
+    for (int k = 0; k < 100; ++k) advance(s);
+    const SoftObject& o = s.world.soft.all[0];
+    const auto now = soft_positions(s.world, o);
+    const Pose<double>& pose = s.world.shapes[0].pose;
+    for (std::size_t i = 0; i < now.size(); ++i) {
+        const Point& r = o.skin.mesh.nodes[i];
+        const Vec3<double> x = transform(pose, Vec3<double>{r[0], r[1], r[2]});
+        EXPECT_LT(norm(x - Vec3<double>{now[i][0], now[i][1], now[i][2]}), 1e-9);
+    }
+    const auto& chunk = s.world.chunks.doubles[std::size_t(o.skin.chunk)];
+    for (int node : o.skin.mesh.bone_nodes)
+        for (int d = 0; d < 3; ++d) EXPECT_LT(std::abs(chunk.scratch.gradient[std::size_t(3 * node + d)]), 1e-7);
+}
+
+TEST(Soft, SameBitsForAnyNumberOfThreadsAndWhenItGoesOnFromASavedState) {
+    std::vector<std::vector<double>> values;
+    for (int threads : {1, 2, 4}) {
+        Simulation s = load(slab("preset = \"balanced\""), threads);
+        for (int k = 0; k < 90; ++k) advance(s);
+        values.push_back(s.finger_series[0].values);
+    }
+    EXPECT_EQ(values[0], values[1]);
+    EXPECT_EQ(values[0], values[2]);
+    Simulation first = load(slab("preset = \"balanced\"")), second = load(slab("preset = \"balanced\""));
+    for (int k = 0; k < 60; ++k) advance(first);
+    std::vector<std::uint8_t> state;
+    append_state(state, first);
+    std::string why;
+    ASSERT_TRUE(restore_state(second, state.data(), state.size(), why)) << why;
+    for (int k = 0; k < 30; ++k) advance(first), advance(second);
+    EXPECT_EQ(first.world.contact_surfaces[0].force.size(), second.world.contact_surfaces[0].force.size());
+    for (std::size_t i = 0; i < first.world.contact_surfaces[0].force.size(); ++i)
+        for (int d = 0; d < 3; ++d)
+            EXPECT_EQ(first.world.contact_surfaces[0].force[i][d], second.world.contact_surfaces[0].force[i][d]);
+    EXPECT_EQ(soft_positions(first.world, first.world.soft.all[0]),
+              soft_positions(second.world, second.world.soft.all[0]));
+}
+
+/// Energy of the whole is stationary where the solve says that it has converged: forces are its derivatives.
+TEST(Soft, OneStepIsSolvedToItsTolerance) {
+    Simulation s = load(slab("preset = \"reference\""));
+    int unsolved = 0;
+    for (int k = 0; k < 100; ++k) {
+        advance(s);
+        const SkinStatus& status = skin_status(s.world, s.fingers[0]);
+        unsolved += !status.converged;
+    }
+    EXPECT_EQ(unsolved, 0);
+}
+
+std::string refusal(const std::string& text) {
+    try {
+        load_scene_text(text, "bad.toml");
+    } catch (const InputError& error) {
+        std::string all;
+        for (const auto& m : error.messages) all += m + "\n";
+        return all;
+    }
+    return "accepted";
+}
+
+TEST(Soft, BadInputIsRefusedWithItsPlace) {
+    auto with = [](const std::string& soft, const std::string& object = "") {
+        return "[[object]]\nname = \"slab\"\nkind = \"box\"\nsize_mm = [40, 30, 14]\n" + object + "\n[object.soft]\n" +
+               soft + "\n[[finger]]\nfinger = \"index-median\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 40] } ]\n";
+    };
+    struct Case {
+        std::string text;
+        std::vector<std::string> said;
+    };
+    const Case cases[] = {
+        {with("fixed = \"bottom\"\nelements = 1000000000"), {"bad.toml:", "elements", "20", "200000", "1000000000"}},
+        {with("fixed = \"bottom\"\npoisson = 0.5"), {"bad.toml:", "poisson", "0.4999", "0.5"}},
+        {with("young_kPa = 5"), {"bad.toml:", "fixed", "held by a part"}},
+        {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 6], radius_mm = 3, young_kPa = 50 } ]"),
+         {"bad.toml:", "centre_mm", "inside its object", "expected", "found 1 mm"}},
+        {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 0], radius_mm = 3, young_kPa = 50 }, "
+              "{ centre_mm = [4, 0, 0], radius_mm = 3, young_kPa = 50 } ]"),
+         {"bad.toml:", "nodules must lie apart", "found 4 mm"}},
+        {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 0], radius_mm = 3 } ]"), {"young_kPa", "needs it"}},
+        {with("fixed = \"bottom\"\nfixed_mm = 20"), {"fixed_mm", "not all"}},
+        {with("fixed = \"bottom\"\nyung_kPa = 3"), {"yung_kPa"}},
+        {with("fixed = \"bottom\"", "mass_g = 100"), {"mass_g", "does not move by itself", "remove"}},
+        {with("fixed = \"bottom\"", "stiffness_kPa_per_mm = 10"), {"stiffness_kPa_per_mm", "not both"}},
+        {"[[object]]\nkind = \"plane\"\nsoft = { fixed = \"bottom\" }\n[[finger]]\nfinger = \"index-median\"\n",
+         {"soft", "cannot be filled"}},
+    };
+    for (const Case& c : cases) {
+        const std::string said = refusal(c.text);
+        for (const std::string& word : c.said) EXPECT_NE(said.find(word), std::string::npos) << word << " in\n" << said;
+    }
+    testing::ScratchFolder scratch;
+    const std::string open = (scratch.path / "open.obj").string();
+    std::ofstream(open) << "v 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\nf 1 3 2\nf 1 2 4\nf 1 4 3\n";
+    const std::string said = refusal("[[object]]\nkind = \"mesh\"\nfile = \"" + open +
+                                     "\"\nsoft = { fixed = \"bottom\" }\n[[finger]]\nfinger = \"index-median\"\n");
+    EXPECT_NE(said.find("open"), std::string::npos) << said;
+}
+
+/// Every shape can be filled, near the wanted number.
+TEST(Soft, EveryShapeIsFilled) {
+    const std::pair<const char*, const char*> shapes[] = {
+        {"kind = \"box\"\nsize_mm = [40, 30, 14]", "fixed = \"bottom\""},
+        {"kind = \"sphere\"\nradius_mm = 15", "fixed = \"top\"\nfixed_mm = 4"},
+        {"kind = \"cylinder\"\nradius_mm = 20\nlength_mm = 12", "fixed = \"bottom\""},
+        {"kind = \"capsule\"\nradius_mm = 10\nlength_mm = 25", "fixed = \"left\"\nfixed_mm = 3"}};
+    for (const auto& [shape, fixed] : shapes)
+        for (const int elements : {300, 1500}) {
+            const Scene scene = load_scene_text("[[object]]\n" + std::string(shape) + "\nposition_mm = [0, 0, -60]\n" +
+                                                    "[object.soft]\nelements = " + std::to_string(elements) + "\n" +
+                                                    fixed + "\n[[finger]]\nfinger = \"index-median\"\n",
+                                                "shape.toml");
+            const ObjectSpec& o = scene.spec.objects[0];
+            ASSERT_TRUE(o.tissue) << shape;
+            EXPECT_NEAR(double(o.tissue->mesh.tets.size()), elements, 0.35 * elements) << shape;
+            double filled = 0;
+            for (const auto& t : o.tissue->mesh.tets) {
+                auto node = [&](int k) {
+                    const Point& p = o.tissue->mesh.nodes[std::size_t(t[std::size_t(k)])];
+                    return Vec3<double>{p[0], p[1], p[2]};
+                };
+                filled += dot(node(1) - node(0), cross(node(2) - node(0), node(3) - node(0))) / 6;
+            }
+            EXPECT_NEAR(filled / volume_of(o.shape), 1, 0.08) << shape;
+            std::printf("%s: %zu of %d elements, volume %.3f of the shape's\n", shape, o.tissue->mesh.tets.size(),
+                        elements, filled / volume_of(o.shape));
+        }
+}
+
+}  // namespace
+}  // namespace palpate
