@@ -146,9 +146,8 @@ Surface ball(int n) {
     return out;
 }
 
-/// Cuts the sides of a capsule, made of a ball whose halves were pulled apart: rings of quadrangles at its equator.
+/// A ball whose halves were pulled apart, around rings of triangles.
 Surface pulled_apart(double radius, double half_length, double edge) {
-    // Latitudes and longitudes: the equator, from which the halves part, is then a ring of vertices.
     const int quarter = parts_of(0.5 * std::numbers::pi * radius, edge, 2), around = 4 * quarter,
               layers = parts_of(2 * half_length, edge, 1);
     Surface out;
@@ -194,9 +193,11 @@ Surface pulled_apart(double radius, double half_length, double edge) {
 }  // namespace
 
 Surface capsule_surface(double radius, double half_length, double edge) {
-    if (half_length > 0) return pulled_apart(radius, half_length, edge);
-    Surface out = ball(std::max(2, int(std::lround(1.1 * radius / edge))));
-    const double smooth = 4.0 / 3 * std::numbers::pi, scale = radius * std::cbrt(smooth / volume(out));
+    Surface out = half_length > 0 ? pulled_apart(radius, half_length, edge)
+                                  : ball(std::max(2, int(std::lround(1.1 * radius / edge))));
+    const double smooth = half_length > 0 ? std::numbers::pi * radius * radius * (4.0 / 3 * radius + 2 * half_length)
+                                          : 4.0 / 3 * std::numbers::pi * radius * radius * radius;
+    const double scale = std::cbrt(smooth / volume(out));
     for (Point& p : out.vertices)
         for (double& x : p) x *= scale;
     return out;
@@ -254,8 +255,8 @@ ObjectMesh mesh_object(const SurfaceOfSize& surface, double volume, const std::v
     double best_cost = 1e300;
     std::string last_error;
     // Surfaces of whole numbers of edges: the count changes by leaps, so look on both sides.
-    for (int k = 0; k < 31 && best_cost > 0.03; ++k) {
-        const double edge = estimate * (1.05 + 0.025 * ((k + 1) / 2) * (k % 2 ? 1 : -1));
+    for (int k = 0; k < 13 && best_cost > 0.08; ++k) {
+        const double edge = estimate * (1.05 + 0.04 * ((k + 1) / 2) * (k % 2 ? 1 : -1));
         try {
             ObjectMesh filled = fill(surface(edge), edge, inclusions, settings);
             const double off = std::abs(double(filled.mesh.tets.size()) / settings.elements - 1);

@@ -88,6 +88,8 @@ void evaluate_all(Work& w, bool with_matrix) {
         e.extent = std::max(e.extent, double(c.rest.extent[std::size_t(lane)]));
         e.contact_force += r.contact_force, e.coupling_force = std::max(e.coupling_force, r.coupling_force);
         i.rounding += r.rounding;
+        // A large object at rest has an energy of nothing but its elements' roundings.
+        if (i.soft) e.rounding += e.epsilon * double(c.rest.tissue_stiffness[std::size_t(lane)]) * e.extent * e.extent;
         const double slack = plane_slack(c, lane);
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
             for (int k = 0; k < 6; ++k) b.gradient[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];

@@ -18,11 +18,15 @@ std::string joined(const std::vector<std::string>& words) {
 }
 
 template <class T>
-void explain_chunks(const Scene& scene, const std::vector<SkinChunk<T>>& chunks, const char* precision) {
+void explain_chunks(const Simulation& s, const std::vector<SkinChunk<T>>& chunks, const char* precision) {
     for (const SkinChunk<T>& c : chunks) {
         std::vector<std::string> names;
-        for (int finger : c.finger)
-            if (finger >= 0) names.push_back(scene.spec.fingers[finger].name);
+        for (int row : c.finger) {
+            const int soft = row - int(s.fingers.size());  // their numbers come after those of fingers
+            if (row >= 0)
+                names.push_back(soft < 0 ? s.scene.spec.fingers[std::size_t(row)].name
+                                         : "object " + s.world.soft.all[std::size_t(soft)].skin.name);
+        }
         if (names.empty()) names = {"spare, for fingers that touch while others do not"};
         std::printf("  chunk of %d %s, %s: %s; %zu elements, %d nodes, %zu samples, %d factor blocks, %.2f MB\n",
                     c.width, c.width == 1 ? "lane" : "lanes", precision, joined(names).c_str(),
@@ -165,8 +169,8 @@ int explain(const std::string& file, const std::vector<std::string>& overrides, 
          : spec.fingers.size() < 2 ? "one finger: there is no other"
                                    : "fingers pass through each other: [contact] fingers = true lets them touch");
     line(true, "solve_skin", "chunks run in parallel:");
-    explain_chunks(s.scene, s.world.chunks.doubles, "double");
-    explain_chunks(s.scene, s.world.chunks.floats, "float");
+    explain_chunks(s, s.world.chunks.doubles, "double");
+    explain_chunks(s, s.world.chunks.floats, "float");
     line(!limited.empty(), "  strain limits",
          limited.empty() ? "no [limits]: add limits = { low = 0.6, high = 1.4 }" : "for " + joined(limited));
     line(!rubbing.empty(), "  friction",

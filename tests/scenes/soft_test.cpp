@@ -1,6 +1,9 @@
 // Objects of tissue: laws that hold whatever they are made of.
 
+#include <cstring>
+#include <fstream>
 #include "meshes/input_error.h"
+
 #include "scenes/load/scene.h"
 #include "scenes/run/simulation.h"
 #include "scenes/run/state.h"
@@ -105,8 +108,8 @@ TEST(Soft, SameBitsForAnyNumberOfThreadsAndWhenItGoesOnFromASavedState) {
         for (int k = 0; k < 90; ++k) advance(s);
         values.push_back(s.finger_series[0].values);
     }
-    EXPECT_EQ(values[0], values[1]);
-    EXPECT_EQ(values[0], values[2]);
+    for (const auto& other : values)  // not numbers, where nothing touches
+        EXPECT_EQ(std::memcmp(values[0].data(), other.data(), sizeof(double) * other.size()), 0);
     Simulation first = load(slab("preset = \"balanced\"")), second = load(slab("preset = \"balanced\""));
     for (int k = 0; k < 60; ++k) advance(first);
     std::vector<std::uint8_t> state;
@@ -130,6 +133,10 @@ TEST(Soft, OneStepIsSolvedToItsTolerance) {
         advance(s);
         const SkinStatus& status = skin_status(s.world, s.fingers[0]);
         unsolved += !status.converged;
+        if (!status.converged)
+            std::printf("step %d: residual %.2e of %.3f N, %d iterations, %d updates, depth %.2e m\n", k,
+                        status.residual_N, status.contact_force_N, int(status.newton_iterations),
+                        int(status.multiplier_updates), status.penetration_m);
     }
     EXPECT_EQ(unsolved, 0);
 }
@@ -155,7 +162,9 @@ TEST(Soft, BadInputIsRefusedWithItsPlace) {
         std::vector<std::string> said;
     };
     const Case cases[] = {
-        {with("fixed = \"bottom\"\nelements = 1000000000"), {"bad.toml:", "elements", "20", "200000", "1000000000"}},
+        {"[[object]]\nkind = \"box\"\nsize_mm = [9, 9, 9]\nsoft = { fixed = \"bottom\", elements = 1000000000 "
+         "}\n[[finger]]\nfinger = \"index-median\"\n",
+         {"bad.toml:", "elements", "20", "200000", "1000000000"}},
         {with("fixed = \"bottom\"\npoisson = 0.5"), {"bad.toml:", "poisson", "0.4999", "0.5"}},
         {with("young_kPa = 5"), {"bad.toml:", "fixed", "held by a part"}},
         {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 6], radius_mm = 3, young_kPa = 50 } ]"),

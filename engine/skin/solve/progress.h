@@ -30,6 +30,7 @@ struct Evaluation {
     R extent{ScalarOf<R>(0.03)};                                        ///< of the finger [m]
     R force_floor{ScalarOf<R>(0.01)};                          ///< tolerances are relative to no less than this [N]
     R residual_cap = std::numeric_limits<ScalarOf<R>>::max();  ///< the residual may not be more than this [N]
+    R rounding{0};                                             ///< of the energy, beyond what extent and forces say [J]
 };
 
 namespace detail {
@@ -75,7 +76,8 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
 
     // Energies are known no better than positions are: to the rounding of the finger's extent times the forces on it.
     const R slack = R(T(fitted::energy_roundings) * e.epsilon) * absolute(e.energy) +
-                    R(T(fitted::extent_roundings) * e.epsilon) * e.extent * (e.contact_force + e.coupling_force);
+                    R(T(fitted::extent_roundings) * e.epsilon) * e.extent * (e.contact_force + e.coupling_force) +
+                    e.rounding;
     const MaskOf<R> decreased =
         sound & (e.energy <= p.base_energy + R(T(fitted::sufficient_decrease)) * p.alpha * p.slope + slack);
     // At the rounding of energies, the residual tells whether a step leads on.
