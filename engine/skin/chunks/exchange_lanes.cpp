@@ -74,7 +74,8 @@ void exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
     std::swap(a.rest_reach[lane_a], b.rest_reach[lane_b]);
     std::swap(a.reach[lane_a], b.reach[lane_b]);
     for (auto bits : {&SkinChunk<T>::used_lanes, &SkinChunk<T>::asleep_lanes, &SkinChunk<T>::rigid_lanes,
-                      &SkinChunk<T>::unchanged_lanes, &SkinChunk<T>::fine_lanes, &SkinChunk<T>::linear_lanes, &SkinChunk<T>::soft_lanes})
+                      &SkinChunk<T>::unchanged_lanes, &SkinChunk<T>::fine_lanes, &SkinChunk<T>::linear_lanes,
+                      &SkinChunk<T>::soft_lanes})
         exchange_bit(a.*bits, lane_a, b.*bits, lane_b);
     std::swap(a.linear.plan[lane_a], b.linear.plan[lane_b]);
     for (auto bits : {&LinearTissue<T>::due_lanes, &LinearTissue<T>::kept_lanes})
