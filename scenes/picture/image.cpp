@@ -83,6 +83,11 @@ void put_chunk(std::string& out, const std::string& name, const std::string& dat
 
 }  // namespace
 
+Image fewer_colours(Image image) {
+    for (std::uint8_t& v : image.rgb) v = std::uint8_t((v & 0xf8) | v >> 5);
+    return image;
+}
+
 void write_png(const std::filesystem::path& path, const Image& image) {
     // Each row as its difference from the one above ("up"), which packs smooth pictures well.
     const std::size_t row = std::size_t(3 * image.width);

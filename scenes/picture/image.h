@@ -27,6 +27,9 @@ struct Image {
 };
 int text_width(const std::string& text, int size = 1);
 
+/// The same in 5 bits a colour: small files.
+Image fewer_colours(Image image);
+
 /// Throws as throw_unwritable (mesh_files.h).
 void write_png(const std::filesystem::path& path, const Image& image);
 

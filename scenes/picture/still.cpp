@@ -206,8 +206,9 @@ void Painter::write_names(const Simulation& s, Image& image, int top, int height
         tags.push_back(tag);
     }
     std::sort(tags.begin(), tags.end(), [](const Tag& a, const Tag& b) { return a.to_y < b.to_y; });
-    std::vector<Box> taken{{0, 0, std::max(text_width(s.scene.title) + 20, 170), 42},
-                           {0, 42, 170, 52}};  // title, scale
+    std::vector<Box> taken;
+    if (settings_.title)
+        taken = {{0, 0, std::max(text_width(s.scene.title) + 20, 170), 42}, {0, 42, 170, 52}};  // and its scale
     for (Tag& tag : tags) {
         tag.box = free_place(tag.box, taken, top + 2, top + height - 2);
         taken.push_back(tag.box);
@@ -228,60 +229,67 @@ void Painter::write_names(const Simulation& s, Image& image, int top, int height
     for (const Tag& tag : tags) names_.push_back({tag.box.x, tag.box.y, tag.box.width, tag.box.height});
 }
 
+double paint_pad(Image& image, const World& world, EntityId finger, const PadPlace& at) {
+    const Look& look = look_of(at.dark);
+    const ContactSurface& contact = *world.contact_surfaces.find(finger);
+    const double peak = peak_of(world, finger), most = at.most > 0 ? at.most : round_up(std::max(1000.0, peak));
+    const int side = at.height - 52, wide = std::min(at.width - 8, side), factor = at.samples;
+    const int middle = at.x + at.width / 2;
+    Camera below;
+    below.field = 0;
+    below.eye = {0, 0, -0.2}, below.target = {0, 0, 0}, below.up = {1, 0, 0};  // the tip points up
+    below.half_height = std::max(0.0148, 0.0112 * side / wide);
+    Raster r(below, factor * wide, factor * side, look.panel);
+    r.opaque(finger_triangles(world, finger, most, true));
+    const std::vector<Vector3d> edge = area_outline(world, finger, std::max(300.0, 0.04 * peak));
+    const Vector3d lift(0, 0, -0.002);
+    for (std::size_t k = 0; k + 1 < edge.size(); k += 2)
+        r.line(edge[k] + lift, edge[k + 1] + lift, {0.05f, 0.05f, 0.10f}, 1.3 * factor, false);
+    Vector3d place, force;
+    if (centre_of_pressure(world, finger, place, force)) {
+        const Vec3<double> c =
+            inverse_transform(bone_pose(world, finger), Vec3<double>{place.x(), place.y(), place.z()});
+        const Vector3d x = as_eigen(c) + lift;
+        for (const Vector3d& arm : {Vector3d(0.0016, 0, 0), Vector3d(0, 0.0016, 0)}) {
+            r.line(x - arm, x + arm, {1, 1, 1}, 2.6 * factor, false);
+            r.line(x - arm, x + arm, {0, 0, 0}, 1.1 * factor, false);
+        }
+    }
+    image.paste(r.image(factor), middle - wide / 2, at.top + 18);
+    auto centred = [&](int y, std::string text, Colour colour) {
+        for (const auto& [whole, part] : {std::pair{"right ", "R "}, {"left ", "L "}})
+            if (text_width(text) > at.width - 4 && text.starts_with(whole))
+                text = part + text.substr(std::strlen(whole));
+        if (text_width(text) > at.width - 4) text.resize(std::size_t((at.width - 4) / 8));
+        image.write(middle - text_width(text) / 2, y, text, colour);
+    };
+    centred(at.top + 4, at.name, look.ink);
+    if (contact.normal_force > 0.0005) {
+        centred(at.top + side + 20,
+                formatted("%.2f N", contact.normal_force) +
+                    formatted(at.width > 130 ? "  %.0f mm2" : " %.0f", 1e6 * contact.touching_area),
+                look.ink);
+        const int bar = std::min(at.width - 60, 90), bx = middle - bar / 2 - 20;
+        for (int i = 0; i < bar; ++i) image.fill(bx + i, at.top + side + 37, 1, 8, skin_colour(double(i) / (bar - 1)));
+        image.write(bx + bar + 4, at.top + side + 35, formatted(at.width > 130 ? "%.3g kPa" : "%.3g", 1e-3 * most),
+                    look.soft);
+    } else {
+        centred(at.top + side + 20, at.width > 130 ? "does not touch" : "free", look.soft);
+    }
+    return most;
+}
+
 void Painter::paint_pads(const Simulation& s, Image& image, int top, int height) {
     const Look& look = look_of(settings_.dark);
     image.fill(0, top, image.width, height, look.panel);
     image.fill(0, top, image.width, 1, look.line);
     const int count = int(s.fingers.size()), cell = std::min(180, image.width / std::max(1, count));
-    const int left = (image.width - cell * count) / 2, factor = settings_.samples;
-    const int side = height - 52;
+    const int left = (image.width - cell * count) / 2;
     for (int f = 0; f < count; ++f) {
         const EntityId finger = s.fingers[std::size_t(f)];
-        const ContactSurface& contact = *s.world.contact_surfaces.find(finger);
-        const double peak = peak_of(s.world, finger), most = peak > 0 ? round_up(peak) : most_;
-        Camera below;
-        below.field = 0;
-        below.eye = {0, 0, -0.2}, below.target = {0, 0, 0}, below.up = {1, 0, 0};  // the tip points up
-        const int wide = std::min(cell - 8, side);
-        below.half_height = std::max(0.0148, 0.0112 * side / wide);
-        Raster r(below, factor * wide, factor * side, look.panel);
-        r.opaque(finger_triangles(s.world, finger, most, true));
-        const std::vector<Vector3d> edge = area_outline(s.world, finger, std::max(300.0, 0.04 * peak));
-        const Vector3d lift(0, 0, -0.002);
-        for (std::size_t k = 0; k + 1 < edge.size(); k += 2)
-            r.line(edge[k] + lift, edge[k + 1] + lift, {0.05f, 0.05f, 0.10f}, 1.3 * factor, false);
-        Vector3d place, force;
-        if (centre_of_pressure(s.world, finger, place, force)) {
-            const Vec3<double> c =
-                inverse_transform(bone_pose(s.world, finger), Vec3<double>{place.x(), place.y(), place.z()});
-            const Vector3d x = as_eigen(c) + lift;
-            for (const Vector3d& arm : {Vector3d(0.0016, 0, 0), Vector3d(0, 0.0016, 0)}) {
-                r.line(x - arm, x + arm, {1, 1, 1}, 2.6 * factor, false);
-                r.line(x - arm, x + arm, {0, 0, 0}, 1.1 * factor, false);
-            }
-        }
-        const int x0 = left + f * cell, middle = x0 + cell / 2;
-        image.paste(r.image(factor), middle - wide / 2, top + 18);
-        auto centred = [&](int y, std::string text, Colour colour) {
-            for (const auto& [whole, part] : {std::pair{"right ", "R "}, {"left ", "L "}})
-                if (text_width(text) > cell - 4 && text.starts_with(whole))
-                    text = part + text.substr(std::strlen(whole));
-            if (text_width(text) > cell - 4) text.resize(std::size_t((cell - 4) / 8));
-            image.write(middle - text_width(text) / 2, y, text, colour);
-        };
-        centred(top + 4, s.scene.spec.fingers[std::size_t(f)].name, look.ink);
-        if (contact.normal_force > 0.0005) {
-            centred(top + side + 20,
-                    formatted("%.2f N", contact.normal_force) +
-                        formatted(cell > 130 ? "  %.0f mm2" : " %.0f", 1e6 * contact.touching_area),
-                    look.ink);
-            const int bar = std::min(cell - 60, 90), bx = middle - bar / 2 - 20;
-            for (int i = 0; i < bar; ++i) image.fill(bx + i, top + side + 37, 1, 8, skin_colour(double(i) / (bar - 1)));
-            image.write(bx + bar + 4, top + side + 35, formatted(cell > 130 ? "%.3g kPa" : "%.3g", 1e-3 * most),
-                        look.soft);
-        } else {
-            centred(top + side + 20, cell > 130 ? "does not touch" : "free", look.soft);
-        }
+        paint_pad(image, s.world, finger,
+                  {left + f * cell, top, cell, height, s.scene.spec.fingers[std::size_t(f)].name,
+                   peak_of(s.world, finger) > 0 ? 0 : most_, settings_.dark, settings_.samples});
     }
 }
 
@@ -297,6 +305,7 @@ Image Painter::paint(const Simulation& s) {
     const int pads = settings_.pads ? std::min(200, settings_.height / 3) : 0;
     paint_scene(s, image, 0, settings_.height - pads);
     if (pads > 0) paint_pads(s, image, settings_.height - pads, pads);
+    if (!settings_.title) return image;
     image.write(12, 10, s.scene.title, look.ink);
     image.write(12, 26, formatted("%.2f s", s.world.time) + ", step " + formatted("%.3g ms", 1e3 * s.world.solver.dt),
                 look.soft);

@@ -8,9 +8,21 @@ namespace palpate {
 
 struct PictureSettings {
     int width = 900, height = 620;
-    bool hand = true, thimbles = true, pads = true, dark = false;
+    bool hand = true, thimbles = true, pads = true, title = true, dark = false;
     int samples = 2;  ///< per pixel and direction
 };
+
+/// Where a pad is drawn, and how.
+struct PadPlace {
+    int x, top, width, height;  ///< [pixels]
+    std::string name;           ///< above it
+    double most = 0;            ///< end of its scale [Pa]; 0: of its own
+    bool dark = false;
+    int samples = 2;
+};
+/// A finger's pad seen from its contact side, the tip up: pressure, edge of the touched area, centre of pressure, name,
+/// force, area and scale. Returns the end of the scale [Pa].
+double paint_pad(Image& image, const World& world, EntityId finger, const PadPlace& place);
 
 /// Draws moments of one run, one after the other: the camera follows, the hand goes on from where it was.
 class Painter {

@@ -26,7 +26,8 @@ constexpr std::array examples{
              "palpate run scenes/press.toml --stream udp:127.0.0.1:5006"},
     Examples{"gallery",
              "palpate gallery pinch mine.toml\n"
-             "palpate gallery --out scenes/pictures/gallery"},
+             "palpate gallery --out scenes/pictures/gallery\n"
+             "palpate gallery --paper"},
     Examples{"view",
              "palpate view scenes/hand.toml\n"
              "palpate view scenes/recorded_hand.toml --tracker ultraleap"},

@@ -7,6 +7,7 @@
 #include "scenes/load/find_scene.h"
 #include "scenes/picture/still.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/paper_figures.h"
 #include "scenes/program/progress.h"
 #include "scenes/run/simulation.h"
 
@@ -20,7 +21,7 @@ struct GalleryArguments {
     std::vector<std::string> scenes;
     std::string out = "results/gallery";
     int threads = 0, width = 460, height = 380;
-    bool no_hand = false, dark = false;
+    bool no_hand = false, dark = false, paper = false;
 };
 
 std::vector<std::string> shipped_scenes() {
@@ -51,14 +52,23 @@ bool paint_best(Simulation& s, const PictureSettings& settings, const fs::path& 
         for (const ContactSurface& c : s.world.contact_surfaces) touching += c.normal_force > 0.01;
         if (touching < most) return;
         most = touching;
-        Image image = painter.paint(s);
-        for (std::uint8_t& v : image.rgb) v = std::uint8_t((v & 0xf8) | v >> 5);  // 5 bits a colour: small files
-        write_png(file, image);
+        write_png(file, fewer_colours(painter.paint(s)));
     });
     return !stop;
 }
 
+int make_paper_figures(const GalleryArguments& a, const std::atomic<bool>& stop) {
+    if (!a.scenes.empty()) throw InputError("--paper: its figures are of scenes that come with it; expected no names");
+    fs::create_directories(a.out);
+    Progress progress("gallery");
+    const auto files = paint_paper_figures(a.out, a.threads, stop, [&](double share) { progress.show(share, 0, 0); });
+    progress.clear();
+    for (const fs::path& file : files) std::printf("%s\n", file.c_str());
+    return stop ? 130 : 0;
+}
+
 int make_gallery(const GalleryArguments& a, const std::atomic<bool>& stop) {
+    if (a.paper) return make_paper_figures(a, stop);
     const std::vector<std::string> scenes = a.scenes.empty() ? shipped_scenes() : a.scenes;
     fs::create_directories(a.out);
     PictureSettings settings;
@@ -89,6 +99,7 @@ Action add_gallery_command(const Command& program, const std::atomic<bool>& stop
     c.option("--height", a->height, "of a picture, pixels (default: 380)").range(200, 4000);
     c.flag("--no-hand", a->no_hand, "without the hand around the fingertips");
     c.flag("--dark", a->dark, "on a dark ground");
+    c.flag("--paper", a->paper, "instead, Figs. 1, 5 and 6 of Perez et al. 2017: what is touched, and what is felt");
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
     return [a, &stop] { return make_gallery(*a, stop); };
 }

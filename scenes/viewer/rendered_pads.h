@@ -26,6 +26,8 @@ class RenderedPads {
     const std::vector<RenderedPad>& solve(const Simulation& simulation);
     /// The same where only the configurations are known; `rendered` as RenderedPad has it.
     const std::vector<RenderedPad>& solve(const std::vector<Coordinates>& w, const std::vector<char>& rendered);
+    /// A thimble's pad as it was solved last: a world of its own.
+    const PadOnPlatform& pad(std::size_t thimble) const { return pads_[thimble]; }
 
   private:
     std::vector<DeviceModel> models_;

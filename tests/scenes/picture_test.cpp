@@ -234,6 +234,35 @@ TEST(Picture, FilmsAreOfKindsThatExist) {
     if (std::system("command -v ffmpeg > /dev/null 2>&1") != 0) GTEST_SKIP() << "no ffmpeg";
     ASSERT_EQ(std::system(command.c_str()), 0);
     EXPECT_GT(std::filesystem::file_size(film), 5000u);
+    for (const auto& [ending, mark] : {std::pair{".webm", "webm"}, {".mp4", "ftyp"}}) {
+        const std::string other = (scratch.path / "film").string() + ending;
+        ASSERT_EQ(std::system((plain + " --video " + other).c_str()), 0) << ending;
+        EXPECT_GT(std::filesystem::file_size(other), 2000u) << ending;
+        std::ifstream in(other, std::ios::binary);
+        std::string head(64, ' ');
+        in.read(head.data(), 64);
+        EXPECT_NE(head.find(mark), std::string::npos) << ending;
+    }
+}
+
+/// The paper's figures, by one command from what comes with the program.
+TEST(Picture, OfThePaperAreMadeByOneCommand) {
+    testing::ScratchFolder scratch;
+    const std::string out = (scratch.path / "figures").string();
+    const std::string gallery =
+        "cd " + testing::source_dir() + " && " + testing::program_path() + " gallery --paper --out " + out;
+    EXPECT_EQ(testing::shell(gallery + " pinch").code, 2);
+    const testing::Outcome made = testing::shell(gallery);
+    ASSERT_EQ(made.code, 0) << made.out;
+    for (const auto& [name, columns] : {std::pair{"paper-fig1.png", 3}, {"paper-fig5.png", 3}, {"paper-fig6.png", 4}}) {
+        std::ifstream in(out + "/" + name, std::ios::binary);
+        std::string head(24, ' ');
+        in.read(head.data(), 24);
+        EXPECT_EQ(head.substr(1, 3), "PNG") << name;
+        const int width = int(std::uint8_t(head[18])) << 8 | std::uint8_t(head[19]);
+        EXPECT_EQ(width, 300 * columns) << name;
+        EXPECT_NE(made.out.find(name), std::string::npos);
+    }
 }
 
 }  // namespace
