@@ -14,12 +14,11 @@ namespace palpate {
 
 namespace fs = std::filesystem;
 
-void write_pad(const fs::path& path, const World& world, EntityId finger) {
-    const Skin& skin = *world.skins.find(finger);
-    const ContactSurface& contact = *world.contact_surfaces.find(finger);
-    TetMesh mesh = skin.mesh;
-    const Pose<double> bone = bone_pose(world, finger);
-    const std::vector<Point> now = finger_positions(world, finger);
+namespace {
+
+/// Tissue as it is now: where it is, what presses on it, and how it is stretched.
+void write_tissue(const fs::path& path, TetMesh mesh, const ContactSurface& contact, const Pose<double>& bone,
+                  const std::vector<Point>& now, const std::vector<Vec3<double>>& reactions) {
     const std::size_t n = mesh.nodes.size();
     Field displacement{"displacement_mm", 3, {}}, force{"contact_force_N", 3, std::vector<double>(3 * n)},
         pressure{"contact_pressure_kPa", 1, std::vector<double>(n)}, region{"region", 1, std::vector<double>(n)},
@@ -30,7 +29,7 @@ void write_pad(const fs::path& path, const World& world, EntityId finger) {
         for (int d = 0; d < 3; ++d) displacement.values.push_back(1e3 * (now[i][d] - rest[d]));
     }
     Field reaction{"bone_reaction_N", 3, {}};
-    for (const Vec3<double>& f : bone_reactions(world, finger))
+    for (const Vec3<double>& f : reactions)
         for (int d = 0; d < 3; ++d) reaction.values.push_back(f[d]);
     for (int i : mesh.bone_nodes) region.values[i] = 1;
     for (std::size_t s = 0; s < mesh.pad_nodes.size(); ++s) {
@@ -53,6 +52,24 @@ void write_pad(const fs::path& path, const World& world, EntityId finger) {
     }
     mesh.nodes = now;
     write_vtu(path, mesh, {displacement, force, reaction, pressure, region}, {low, high});
+}
+
+/// A soft object, as a pad is written.
+void write_soft(const fs::path& path, const World& world, const SoftObject& o) {
+    const SkinChunk<double>& c = world.chunks.doubles[std::size_t(o.skin.chunk)];
+    std::vector<Vec3<double>> held(o.skin.mesh.nodes.size(), {0, 0, 0});
+    if (active_lanes(c) != 0)  // otherwise nothing pulls at it; a soft object is alone in its chunk
+        for (const int node : o.skin.mesh.bone_nodes)
+            for (int d = 0; d < 3; ++d) held[std::size_t(node)][d] = c.scratch.gradient[std::size_t(3 * node + d)];
+    write_tissue(path, o.skin.mesh, o.surface, world.shapes[std::size_t(o.object)].pose, soft_positions(world, o),
+                 held);
+}
+
+}  // namespace
+
+void write_pad(const fs::path& path, const World& world, EntityId finger) {
+    write_tissue(path, world.skins.find(finger)->mesh, *world.contact_surfaces.find(finger), bone_pose(world, finger),
+                 finger_positions(world, finger), bone_reactions(world, finger));
 }
 
 void write_nodes(const fs::path& path, const World& world, EntityId finger) {
@@ -182,6 +199,7 @@ void write_results(const fs::path& folder, const Simulation& s, const Summary& s
         write_nodes(add(name + "_nodes.csv"), s.world, s.fingers[i]);
         write_pad(add(name + ".vtu"), s.world, s.fingers[i]);
     }
+    for (const SoftObject& o : s.world.soft.all) write_soft(add("object_" + o.skin.name + ".vtu"), s.world, o);
     if (!live)
         for (const NamedSeries& table : tables_of(s)) write_csv(add(table.file), *table.series);
     write_svg(add("plots.svg"), plots_of(s));

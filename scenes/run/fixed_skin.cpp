@@ -26,7 +26,7 @@ double fixed_skin_depth(const FixedSkin& skin, const Pose<double>& bone, const T
     double depth = 0;
     const Vec3<double> centre = transform(bone, skin.centre);
     for (const RigidShape& o : shapes) {
-        if (o.stiffness > 0 || surface_point(o.shape, o.pose, centre).distance > skin.radius) continue;
+        if (o.stiffness > 0 || o.soft >= 0 || surface_point(o.shape, o.pose, centre).distance > skin.radius) continue;
         for (const Vec3<double>& x : skin.nodes)
             depth = std::max(depth, -surface_point(o.shape, o.pose, transform(bone, x)).distance);
     }

@@ -80,6 +80,25 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
     return f;
 }
 
+SoftSummary summarise_soft(const World& w, const SoftObject& o) {
+    SoftSummary out;
+    out.name = o.skin.name;
+    out.elements = int(o.skin.mesh.tets.size());
+    out.force_N = o.surface.normal_force;
+    out.area_mm2 = 1e6 * o.surface.touching_area;
+    out.converged =
+        w.chunks.doubles[std::size_t(o.skin.chunk)].status[std::size_t(o.skin.lane)].converged || w.step == 0;
+    const Pose<double>& pose = w.shapes[std::size_t(o.object)].pose;
+    const std::vector<Point> now = soft_positions(w, o);
+    for (const int i : o.skin.mesh.pad_nodes) {
+        const Point &r = o.skin.mesh.nodes[std::size_t(i)], &x = now[std::size_t(i)];
+        const Vec3<double> way =
+            inverse_transform(pose, Vec3<double>{x[0], x[1], x[2]}) - Vec3<double>{r[0], r[1], r[2]};
+        out.dent_mm = std::max(out.dent_mm, 1e3 * norm(way));
+    }
+    return out;
+}
+
 }  // namespace
 
 std::vector<char> settled_steps(const Series& finger) {
@@ -132,6 +151,7 @@ Summary summarise(const Simulation& s) {
     for (const Coupling& c : s.world.couplings) out.slowed_steps += c.slowed;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) out.fingers.push_back(summarise_finger(s, i));
     out.bodies = summarise_bodies(s);
+    for (const SoftObject& o : s.world.soft.all) out.soft_objects.push_back(summarise_soft(s.world, o));
     out.warnings = s.scene.warnings;
     return out;
 }

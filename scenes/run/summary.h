@@ -38,6 +38,15 @@ struct FingerSummary {
     double command_age_ms = 0, command_age_p99_ms = 0, command_age_worst_ms = 0;  ///< at the wire; median first
 };
 
+/// A soft object, as the run leaves it.
+struct SoftSummary {
+    std::string name;
+    int elements = 0;
+    double force_N = 0, area_mm2 = 0;  ///< with which all that touches it presses it
+    double dent_mm = 0;                ///< how far its surface has moved, at most
+    bool converged = true;
+};
+
 struct Summary {
     std::string title;
     double simulated_s = 0, dt_ms = 0;
@@ -54,6 +63,7 @@ struct Summary {
     std::string overlap;  ///< the deepest of two objects, in words; empty: none
     std::vector<FingerSummary> fingers;
     std::vector<BodySummary> bodies;
+    std::vector<SoftSummary> soft_objects;
     std::vector<std::string> warnings;  ///< about the scene, as loaded
 };
 

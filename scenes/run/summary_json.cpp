@@ -64,6 +64,13 @@ nlohmann::json to_json(const Summary& s) {
         }
         j["fingers"].push_back(k);
     }
+    for (const SoftSummary& o : s.soft_objects)
+        j["soft_objects"].push_back({{"name", o.name},
+                                     {"elements", o.elements},
+                                     {"force_N", o.force_N},
+                                     {"area_mm2", o.area_mm2},
+                                     {"dent_mm", o.dent_mm},
+                                     {"converged", o.converged}});
     for (const BodySummary& b : s.bodies) {
         nlohmann::json k{{"name", b.name},       {"held_s", b.held_s},
                          {"slip_mm", b.slip_mm}, {"drift_mm", b.drift_mm},

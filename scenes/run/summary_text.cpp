@@ -158,6 +158,16 @@ std::string presets(const Summary& s) {
                                  static_cast<long long>(s.preset_changes), static_cast<long long>(s.missed_deadlines)));
 }
 
+std::string soft_objects(const Summary& s) {
+    std::string out;
+    for (const SoftSummary& o : s.soft_objects)
+        out += wrapped(
+            written("soft object %s (%d elements), at the end: pressed with %.3f N on %.0f mm2, dented by %.2f mm%s",
+                    o.name.c_str(), o.elements, o.force_N, o.area_mm2, o.dent_mm,
+                    o.converged ? "" : "; its last step has not converged"));
+    return out;
+}
+
 /// Of the run as a whole.
 std::string run_remarks(const Summary& s) {
     std::string out;
@@ -192,7 +202,7 @@ std::string to_text(const Summary& s) {
     std::string out = wrapped(written("%s: %.3g s in %lld steps of %.3g ms", s.title.c_str(), s.simulated_s,
                                       static_cast<long long>(s.steps), s.dt_ms));
     out += speed_sentence(s) + "\n" + finger_table(s) + legend(s) + "\n" + solver_sentence(s) + remarks(s);
-    return out + to_text(s.bodies) + presets(s) + left_out(s.detail) + run_remarks(s);
+    return out + to_text(s.bodies) + soft_objects(s) + presets(s) + left_out(s.detail) + run_remarks(s);
 }
 
 }  // namespace palpate
