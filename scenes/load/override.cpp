@@ -53,6 +53,46 @@ std::string unknown_key(const std::vector<std::string>& keys) {
     return "";
 }
 
+/// Sets, below `node`, what keys from `first` on name; `*` is every entry of an array. Returns what is wrong.
+std::string set_below(toml::node* node, const std::vector<std::string>& keys, std::size_t first,
+                      const std::string& value) {
+    for (std::size_t i = first; i + 1 < keys.size(); ++i) {
+        if (keys[i] == "*") {
+            if (!node->is_array() || node->as_array()->empty())
+                return "there is no '" + (i > 0 ? keys[i - 1] : keys[i]) + "' to set";
+            std::string wrong;
+            for (auto& entry : *node->as_array())
+                if (wrong.empty()) wrong = set_below(&entry, keys, i + 1, value);
+            return wrong;
+        }
+        if (node->is_array())
+            node = find_entry(*node->as_array(), keys[i]);
+        else if (node->is_table()) {
+            if (!node->as_table()->contains(keys[i])) node->as_table()->insert(keys[i], toml::table{});
+            node = node->as_table()->get(keys[i]);
+        } else
+            node = nullptr;
+        if (!node) return "there is no '" + keys[i] + "' to set";
+    }
+    if (value == "none") {
+        const bool stands = node->is_table() && node->as_table()->contains(keys.back());
+        const std::string wrong = stands || node->is_array() ? "" : unknown_key(keys);
+        if (!wrong.empty()) return wrong;
+        if (take_out(*node, keys.back())) return "";
+    }
+    if (node->is_array() || !node->is_table() || keys.empty())
+        return "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table";
+    toml::table parsed;
+    try {
+        parsed = toml::parse("v = " + value);
+    } catch (const toml::parse_error&) {
+        parsed = toml::table{{"v", value}};  // words need no quotes on a command line
+    }
+    // A copy carries no line of the file: messages about it name the key alone.
+    parsed.get("v")->visit([&](const auto& v) { node->as_table()->insert_or_assign(keys.back(), v); });
+    return "";
+}
+
 }  // namespace
 
 void apply_override(toml::table& root, const std::string& assignment, Problems& problems) {
@@ -62,34 +102,8 @@ void apply_override(toml::table& root, const std::string& assignment, Problems& 
     std::vector<std::string> keys;
     std::istringstream path(assignment.substr(0, equals));
     for (std::string key; std::getline(path, key, '.');) keys.push_back(key);
-    toml::node* node = &root;
-    for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
-        if (node->is_array())
-            node = find_entry(*node->as_array(), keys[i]);
-        else if (node->is_table()) {
-            if (!node->as_table()->contains(keys[i])) node->as_table()->insert(keys[i], toml::table{});
-            node = node->as_table()->get(keys[i]);
-        } else
-            node = nullptr;
-        if (!node) return problems.add(nullptr, where + "there is no '" + keys[i] + "' to set");
-    }
-    const std::string value = assignment.substr(equals + 1);
-    if (value == "none") {
-        const bool stands = node->is_table() && node->as_table()->contains(keys.back());
-        const std::string wrong = stands || node->is_array() ? "" : unknown_key(keys);
-        if (!wrong.empty()) return problems.add(nullptr, where + wrong);
-        if (take_out(*node, keys.back())) return;
-    }
-    if (node->is_array() || !node->is_table() || keys.empty())
-        return problems.add(nullptr, where + "'" + (keys.empty() ? "" : keys.back()) + "' is not a key of a table");
-    toml::table parsed;
-    try {
-        parsed = toml::parse("v = " + value);
-    } catch (const toml::parse_error&) {
-        parsed = toml::table{{"v", value}};  // words need no quotes on a command line
-    }
-    // A copy carries no line of the file: messages about it name the key alone.
-    parsed.get("v")->visit([&](const auto& v) { node->as_table()->insert_or_assign(keys.back(), v); });
+    const std::string wrong = set_below(&root, keys, 0, assignment.substr(equals + 1));
+    if (!wrong.empty()) problems.add(nullptr, where + wrong);
 }
 
 }  // namespace palpate

@@ -218,7 +218,9 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
     c.option("--video", a->video,
              "film of the run: .webm, .gif or .mp4 by ffmpeg; where that is not, pictures in a folder");
     c.flag("--no-hand", a->no_hand, "pictures and films without the hand around the fingertips");
-    c.option("--set", a->overrides, "override a value of the scene, for example finger.index.material.young_kPa=40")
+    c.option(
+         "--set", a->overrides,
+         "override a value of the scene, for example finger.index.material.young_kPa=40; finger.*. for every finger")
         .repeatable();
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
     c.option("--duration", a->duration, "seconds to simulate (default: the scene's)").range(1e-3, 1e5);

@@ -357,6 +357,15 @@ TEST_F(SceneFiles, Overrides) {
     EXPECT_EQ(scene.spec.solver.newton_iterations, 3);
     EXPECT_EQ(scene.title, "changed");
     EXPECT_EQ(scene.spec.objects[0].friction, 0.2);
+    // A star stands for every entry, as in the axes of a sweep.
+    const std::string two = std::string(good) + "\n[[finger]]\nname = \"thumb\"\nelements = 100\n" +
+                            "track = [ { t_s = 0, position_mm = [0, 50, 12] } ]\n";
+    std::ofstream(path) << two;
+    for (const FingerSpec& finger : load_scene(path, {"finger.*.material.young_kPa=44"}).spec.fingers)
+        EXPECT_EQ(finger.young_modulus, 44e3);
+    EXPECT_SAYS(refusal(two, {"finger.*.elements=many"}), "finger \"thumb\".elements");
+    EXPECT_SAYS(refusal(good, {"fingers.*.elements=50"}), "there is no 'fingers' to set");
+    EXPECT_SAYS(refusal(good, {"solver.*.preset=fast"}), "there is no 'solver' to set");
     EXPECT_SAYS(refusal(good, {"nothing"}), "--set nothing");
     EXPECT_SAYS(refusal(good, {"finger.pinky.elements=50"}), "there is no 'pinky'");
     EXPECT_SAYS(refusal(good, {"solver.newton_iteration=3"}), "did you mean 'newton_iterations'?");
