@@ -80,6 +80,28 @@ TEST(Governor, WhatItChoseIsRecordedAndReplaysBitForBit) {
     EXPECT_EQ(again.step_series.column("preset").at(25), 2);
 }
 
+// One iteration a step on uniform fingers, and two on conforming ones under a load that jams their tissue at its
+// limits: without more iterations for what would shake the body, not one step of the last quarter converged in either.
+TEST(Presets, GraspsComeToRest) {
+    const std::atomic<bool> stop{false};
+    for (const auto& [scene, overrides] :
+         {std::pair{"hold_ball", std::vector<std::string>{"solver.preset=fast"}},
+          {"hold_mug", {"solver.preset=balanced", "finger.*.mesh.kind=conforming", "finger.*.mesh.patch=5"}}}) {
+        Simulation s = make_simulation(load_scene(scenes + scene + ".toml", overrides), 2);
+        run(s, stop, {});
+        const Series& body = s.body_series[0];
+        const std::vector<double> converged = body.column("converged");
+        const std::size_t begin = 3 * converged.size() / 4;
+        double share = 0;
+        for (std::size_t k = begin; k < converged.size(); ++k) share += converged[k] / double(converged.size() - begin);
+        EXPECT_GT(share, 0.95) << scene;
+        for (const char* axis : {"x_mm", "y_mm", "z_mm"}) {
+            const std::vector<double> place = body.column(axis);
+            EXPECT_NEAR(place.back(), place[begin], 0.005) << scene << " " << axis;
+        }
+    }
+}
+
 TEST(Budget, CalibrationIsKept) {
     testing::ScratchFolder scratch;
     ASSERT_EQ(setenv("XDG_CACHE_HOME", scratch.path.c_str(), 1), 0);

@@ -34,6 +34,12 @@ inline constexpr double less_exact = 0.25, more_exact = 2, hardly_exact = 0.05;
 /// seen: it is solved on, by so many iterations at a time, and so many in all (`pinch`, `fast`, 5 ms). Below half, a
 /// ball of 5 kg slipped from its grip at 20 ms.
 inline constexpr double extra_iterations = 4, most_extra_iterations = 40, spike_share = 0.5;
+/// What a step leaves unbalanced shakes a body that is held by tissue at its limits: these let nothing give way, so
+/// that the next step begins farther off than this one ended, and a grasp never comes to rest. Such a step is solved
+/// on, by one iteration at a time, until forces are balanced to this share of the contact force (`hold_mug` on
+/// conforming fingers comes to rest from 2e-3 on, `pinch` from 1e-3; at 5e-4 `egg` needs a third more iterations, for
+/// nothing).
+inline constexpr double steady_share = 1e-3, most_steadying_iterations = 8;
 /// One that is off by more than a tenth is too rough to be rendered.
 inline constexpr double rough_share = 0.1;
 /// Multiplier updates of a step, as a multiple of its Newton iterations.
