@@ -107,3 +107,4 @@ if (link.has('hover') && frames.length > 0) {
   document.body.dataset.hover = by('hover').innerText.replace(/\s+/g, ' ');
 }
 if (link.has('svg') && frames.length > 0) document.body.dataset.svg = encodeURIComponent(plotsSvg());
+if (link.has('probe') && frames.length > 0) probe();

@@ -65,7 +65,7 @@ function objectOf(object, k) {
   const colour = object_colours[k % object_colours.length];
   if (object.kind === 'plane') return planeOf(colour);
   const geometry = geometryOf(object), group = nearestSurface(geometry, colour, 0.93);
-  const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 35), new THREE.LineBasicMaterial(
+  const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, object.kind === 'mesh' ? 60 : 35), new THREE.LineBasicMaterial(
     { color: new THREE.Color(colour).multiplyScalar(0.55), transparent: true, opacity: 0.7 }));
   edges.renderOrder = 3;
   if (object.kind === 'soft') group.dent = dentOf(geometry, group.children[1].material, new THREE.Color(colour));

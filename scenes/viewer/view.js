@@ -354,7 +354,6 @@ if (link.has('colour')) { by('colour').value = link.get('colour'); legend(); sho
 if (link.has('finger')) { by('camera').value = link.get('finger'); aim(Number(link.get('finger'))); }
 if (link.has('touches')) { by('touches').checked = true; show(now); }
 if (link.has('still')) play(false);
-if (link.has('probe') && frames.length > 0) probe();
 document.body.dataset.frames = frames.length;
 document.body.dataset.ready = '1';
 

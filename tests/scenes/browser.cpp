@@ -21,13 +21,13 @@ bool browser_is_installed() { return std::system("command -v chromium > /dev/nul
 std::string page_of(const std::string& url, const BrowserWindow& window) {
     // A profile of its own: browsers that share one wait for each other.
     std::string command = "profile=$(mktemp -d); timeout -s KILL $seconds" + chromium +
-                          "--user-data-dir=\"$profile\" --virtual-time-budget=3000 --dump-dom --window-size=" +
-                          std::to_string(window.width) + "," + std::to_string(window.height);
+                          "--user-data-dir=\"$profile\" --dump-dom --window-size=" + std::to_string(window.width) +
+                          "," + std::to_string(window.height);
     if (window.dark) command += " --force-dark-mode";
     if (!window.screenshot.empty()) command += " --screenshot=" + window.screenshot.string();
     command += " '" + url + "' 2>/dev/null; rm -rf \"$profile\"";
     std::string out;
-    for (int turn = 0; turn < 4 && out.empty(); ++turn) {  // on a busy machine one in ten never ends
+    for (int turn = 0; turn < 4 && out.empty(); ++turn) {  // on a busy machine some never end
         FILE* pipe = popen(("seconds=" + std::to_string(40 << turn) + "; " + command).c_str(), "r");
         char buffer[65536];
         for (std::size_t n; (n = fread(buffer, 1, sizeof buffer, pipe)) > 0;) out.append(buffer, n);
