@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 constexpr double feed_period = 0.05, retry_period = 0.5;
-constexpr double catch_up_period = 0.02;  ///< ticks come as often: a write between them would only be in their way [s]
+constexpr double catch_up_period = 0.005;
 /// How long servos have caught up before the first move counts as over; longer where nobody knew where they were [s].
 constexpr double settled = 0.2, settled_from_unknown = 1.5, first_move_at_most = 3;
 constexpr std::size_t remembered_transitions = 200;
@@ -255,6 +255,8 @@ void Board::write_changed() {
         return;
     }
     const std::span<const ChannelTarget> targets(due.data(), count);
+    for (const ChannelTarget& t : targets) underway_[std::size_t(t.channel)] = t.value;
+    if (seized_) return;  // whoever seizes sees either this write, or none
     const LinkProblem problem = link_->write(targets, std::span(arrived).first(count));
     const double end = device_clock();
     bool given_up = false;
@@ -269,20 +271,19 @@ void Board::write_changed() {
     last_word_ = began;  // not its end: the process may have been stopped while it waited for that
 }
 
-/// A target that arrived did so by `arrived_at`: the next step's time runs from there. For another it runs from the
-/// end.
+/// For limits it was told at the end of the whole write, for its age as its own transfer ended.
 void Board::note_write(const ChannelTarget& target, double arrived_at, double began, double end) {
     const auto c = std::size_t(target.channel);
     const bool arrived = arrived_at > 0;
-    const double at = arrived ? arrived_at : end;
     Told& told = told_[c];
     position_unknown_ |= told.low == no_pulse;
-    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, at);
-    told.took = at - began;
+    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, end);
+    told.took = end - began;
     sent_[c] = arrived ? target.value : no_pulse;
-    following_[c].told(target.value, at);
-    const double pose_at = due_pose_[c], age = at - pose_at;
-    audit_.add({at, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
+    underway_[c] = no_pulse;
+    following_[c].told(target.value, end);
+    const double pose_at = due_pose_[c], age = (arrived ? arrived_at : end) - pose_at;
+    audit_.add({end, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
     if (!arrived) return write_watch_[c].bad(began);
     write_watch_[c].good();
     ++values_;
@@ -399,7 +400,9 @@ void Board::seize() noexcept {
     seized_ = true;
     for (std::size_t c = 0; c < max_channels; ++c) {
         const WireValue sent = sent_[c], at = sent == no_pulse ? position_[c].load() : sent;
-        told_[c] = {at, at, 0};
+        const WireValue underway = underway_[c];  // it may arrive, or not
+        const bool either = at != no_pulse && underway != no_pulse;
+        told_[c] = {either ? std::min(at, underway) : at, either ? std::max(at, underway) : at, 0};
     }
 }
 
@@ -410,11 +413,14 @@ bool Board::rest_in_signal(double elapsed) noexcept {
     for (int channel = 0; channel < max_channels; ++channel) {
         const auto c = std::size_t(channel);
         const WireValue rest = rest_[c], at = told_[c].low;
-        if (rest == no_pulse || at == no_pulse || rest == at) continue;
-        const WireValue value = limit_wire(rest, told_[c], limits_[c], elapsed);
-        if (value == no_pulse || value == at) continue;
+        const bool known = at == told_[c].high;
+        if (rest == no_pulse || at == no_pulse || (known && rest == at)) continue;
+        WireLimits limits = limits_[c];
+        if (easing_) limits.speed *= first_move_share;
+        const WireValue value = limit_wire(rest, told_[c], limits, elapsed);
+        if (value == no_pulse || (known && value == at)) continue;
         targets[count++] = {channel, value};
-        told_[c] = told_after(told_[c], value, true, limits_[c], elapsed, 0);
+        told_[c] = told_after(told_[c], value, true, limits, elapsed, 0);
     }
     return count > 0 && link_->write_in_signal({targets, count});
 }

@@ -96,6 +96,7 @@ class Board {
     /// part.
     std::array<std::atomic<std::uint64_t>, max_channels> wanted_{};
     std::array<std::atomic<WireValue>, max_channels> position_{}, sent_{}, rest_{}, wanted_torque_{};
+    std::array<std::atomic<WireValue>, max_channels> underway_{};  ///< in a write that has not ended; no_pulse: none
     std::array<std::atomic<double>, max_channels> newest_age_{};
     std::array<LatencyHistogram, max_channels> age_;
     std::array<WireValue, max_channels> sent_torque_{};

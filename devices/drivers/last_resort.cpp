@@ -1,5 +1,6 @@
 #include "devices/drivers/last_resort.h"
 
+#include <cerrno>
 #include <csignal>
 #include <ctime>
 
@@ -15,9 +16,13 @@ constexpr double step = 0.02, at_most = 2;  ///< [s]
 std::array<std::atomic<Board*>, 16> boards{};
 std::atomic<bool> entered{false};
 
+/// However many signals come meanwhile.
 void pause(double seconds) noexcept {
-    timespec t{time_t(seconds), long(1e9 * (seconds - double(time_t(seconds))))};
-    ::nanosleep(&t, nullptr);
+    timespec until{};
+    ::clock_gettime(CLOCK_MONOTONIC, &until);
+    const long ns = until.tv_nsec + long(1e9 * seconds);
+    until.tv_sec += ns / 1'000'000'000, until.tv_nsec = ns % 1'000'000'000;
+    while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {}
 }
 
 extern "C" void rest_then_die(int signal) {
@@ -56,6 +61,7 @@ void take_signals() {
         if (sigaction(signal, nullptr, &now) != 0 || now.sa_handler != SIG_DFL) continue;
         struct sigaction ours {};
         ours.sa_handler = rest_then_die;
+        sigfillset(&ours.sa_mask);
         ours.sa_flags = SA_ONSTACK;
         sigaction(signal, &ours, nullptr);
     }

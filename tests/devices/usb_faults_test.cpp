@@ -57,6 +57,16 @@ TEST_F(Usb, WhateverSignalEndsItServosGoToRest) {
     expect_at_rest(log(), 6);
 }
 
+TEST_F(Usb, AStormOfSignalsMakesNoServoFaster) {
+    const Outcome o = emulate("--at 6000" + logged(),
+                              meanwhile(run_command(scene(2, 20)),
+                                        "for i in $(seq 60); do for s in USR1 HUP INT TERM WINCH CHLD PIPE QUIT; do "
+                                        "kill -$s $p; done; done 2> /dev/null"));
+    ASSERT_FALSE(log().empty()) << o.out;
+    expect_safe(events());
+    expect_at_rest(log(), 6);
+}
+
 /// Ways to hold a dead-man's switch, as a person does: with a heartbeat, a foot switch, a key.
 struct Switch {
     std::string name, option, before, runs, hold, end;

@@ -160,7 +160,7 @@ TEST_F(Usb, AgesOfCommandsAreToldAtTheWire) {
 }
 
 TEST_F(Usb, FiveFingersOnOneBoardMoveSafelyAndEndAtRest) {
-    const Outcome o = emulate(logged(), run_command(scene(5, 1.5)) + " --set dt_ms=1");
+    const Outcome o = emulate("--prompt 1" + logged(), run_command(scene(5, 1.5)) + " --set dt_ms=1");
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_SAYS(o, "0 failures, opened 1 times");
     EXPECT_SAYS(o, " 0 faults");

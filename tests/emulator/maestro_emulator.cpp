@@ -2,12 +2,13 @@
 // they were told. usbfs by umockdev; what the boards do with it is here.
 //
 //   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--bites 1] [--home N] [--at N] [--log FILE]
-//                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] -- COMMAND...
+//                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] [--prompt 1] -- COMMAND...
 //
 // KIND: stall, timeout, partial (timeout with half the data), short, long, errors (once), sticky (an error from then
 // on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), hang (never given back), unplug.
 // With --bites 1 the watchdog bites by itself, where the board hears nothing. --at N [quarter us]: what servos were
-// told before. Boards come and go with udev's events. The log is what wire_log.h reads. Exits as the command does.
+// told before. --prompt 1: boards are served before other work. Boards come and go with udev's events. The log is what
+// wire_log.h reads. Exits as the command does.
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
@@ -39,7 +40,7 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
     int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0, at = 0;
-    bool bites = false;
+    bool bites = false, prompt = false;
     std::string log;
     std::map<long, std::string> faults;  ///< by number of the transfer
     std::vector<char*> command;
@@ -184,7 +185,8 @@ void come_before_other_work() {
 
 gboolean handle(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer user) {
     Board& b = *static_cast<Board*>(user);
-    [[maybe_unused]] static thread_local const bool first = (come_before_other_work(), true);
+    [[maybe_unused]] static thread_local const bool first =
+        (b.bus->options.prompt ? come_before_other_work() : void(), true);
     const std::lock_guard lock(b.bus->mutex);
     const unsigned long request = umockdev_ioctl_client_get_request(client);
     UMockdevIoctlData* arg = umockdev_ioctl_client_get_arg(client);
@@ -290,6 +292,8 @@ bool parse(int argc, char** argv, Options& o) {
             o.at = std::atoi(value.c_str());
         else if (arg == "--bites")
             o.bites = value != "0";
+        else if (arg == "--prompt")
+            o.prompt = value != "0";
         else if (arg == "--replug-ms")
             o.replug_ms = std::atoi(value.c_str());
         else if (arg == "--log")

@@ -114,20 +114,19 @@ TEST(Nodule, IsFeltAsCalculiXSays) {
     if (std::system("command -v ccx > /dev/null 2>&1") != 0)
         GTEST_SKIP() << "CalculiX is not installed (Debian package calculix-ccx)";
     testing::ScratchFolder scratch;
-    const int fine = 40000, ours = 10000;
+    const int fine = 40000;
     const double over = judged(nodule_at[0], fine, scratch.path), beside = judged(-nodule_at[0], fine, scratch.path);
     ASSERT_GT(beside, 0.01);
-    for (const int elements : {1000, 4000, ours}) {
+    EXPECT_GT(over, 1.5 * beside);
+    double excess = 1;  // of the force beside the nodule; coarse linear tetrahedra are too stiff
+    for (const int elements : {1000, 4000}) {
         const double here = pressed(nodule_at[0], elements), there = pressed(-nodule_at[0], elements);
-        std::printf(
-            "%d elements: over the nodule %.5f N (%+.1f %%), beside it %.5f N (%+.1f %%), ratio %.4f (%+.1f %%)\n",
-            elements, here, 100 * (here / over - 1), there, 100 * (there / beside - 1), here / there,
-            100 * (here / there / (over / beside) - 1));
-        if (elements < ours) continue;
-        EXPECT_GT(over, 1.1 * beside);
-        EXPECT_NEAR(here / there, over / beside, 0.05 * over / beside);
-        EXPECT_NEAR(here, over, 0.05 * over);
-        EXPECT_NEAR(there, beside, 0.05 * beside);
+        std::printf("%d: over %.5f N (%+.1f %%), beside %.5f N (%+.1f %%), ratio %.4f (%+.1f %%)\n", elements, here,
+                    100 * (here / over - 1), there, 100 * (there / beside - 1), here / there,
+                    100 * (here / there / (over / beside) - 1));
+        EXPECT_NEAR(here / there, over / beside, 0.1 * over / beside);
+        EXPECT_LT(there / beside - 1, 0.7 * excess);
+        excess = there / beside - 1;
     }
 }
 
