@@ -204,7 +204,7 @@ int sample_of(const SkinChunk<T>& c, int node) {
 /// force into its.
 template <class T>
 void add_soft_sample(const SkinChunk<T>& c, const Stencil& stencil, const SoftSample& s, double sign,
-                     ContactSurface& out, ObjectContact& sums) {
+                     ContactSurface& out) {
     const Vec3<double> pressing = sign * s.terms.normal_force * s.normal, whole = -sign * s.terms.gradient;
     for (std::size_t k = 0; k < std::size_t(stencil.count); ++k) {
         const int i = sample_of(c, stencil.node[k]);
@@ -215,9 +215,6 @@ void add_soft_sample(const SkinChunk<T>& c, const Stencil& stencil, const SoftSa
     }
     out.total += whole;
     out.normal_force += s.terms.normal_force;
-    sums.force += whole;
-    sums.normal_force += s.terms.normal_force;
-    sums.friction_force += norm(s.terms.tangential);
 }
 
 void measure_touching(ContactSurface& out) {
@@ -227,41 +224,58 @@ void measure_touching(ContactSurface& out) {
         if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
 }
 
-/// What a pair bears goes to both of its contact surfaces.
+/// What a pair bears goes to both of its contact surfaces; what sleeps keeps what it had (null). The area is that of
+/// the finger's samples, for a face of the object may be far larger than what presses on it.
 template <class T>
 void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, const SoftPair& p, int object,
-                  ContactSurface& of_finger, ContactSurface& of_soft) {
+                  ContactSurface* of_finger, ContactSurface* of_soft) {
     ObjectContact on_finger{object}, on_soft{-1, p.finger};
+    double area = 0;
     for (const SoftSample& s : p.samples) {
         if (!s.near || s.idle) continue;
-        add_soft_sample(finger, s.of_finger, s, 1, of_finger, on_finger);
-        add_soft_sample(soft, s.of_face, s, -1, of_soft, on_soft);
+        on_finger.normal_force += s.terms.normal_force;
+        on_finger.friction_force += norm(s.terms.tangential);
+        on_finger.force += -1.0 * s.terms.gradient;
+        if (of_finger) add_soft_sample(finger, s.of_finger, s, 1, *of_finger);
+        if (of_soft) add_soft_sample(soft, s.of_face, s, -1, *of_soft);
         if (!(s.terms.normal_force > 0)) continue;
         const double share = s.terms.normal_force / on_finger.normal_force;
         on_finger.slip += share * (s.slip - on_finger.slip);
+        const int sample = s.of_finger.count == 1 ? sample_of(finger, s.of_finger.node[0]) : -1;
+        if (of_finger && sample >= 0) area += of_finger->area[std::size_t(sample)];
     }
-    on_finger.friction_available = on_soft.friction_available = p.friction * on_finger.normal_force;
-    on_soft.slip = on_finger.slip;
-    const auto later = [&](const ObjectContact& o) { return o.object < 0 || o.object > object; };
-    of_finger.objects.insert(std::find_if(of_finger.objects.begin(), of_finger.objects.end(), later), on_finger);
-    of_soft.objects.push_back(on_soft);
-    measure_touching(of_finger);
-    measure_touching(of_soft);
+    on_finger.friction_available = p.friction * on_finger.normal_force;
+    on_soft.force = -1.0 * on_finger.force;
+    on_soft.normal_force = on_finger.normal_force, on_soft.friction_force = on_finger.friction_force;
+    on_soft.friction_available = on_finger.friction_available, on_soft.slip = on_finger.slip;
+    if (of_finger) {
+        const auto later = [&](const ObjectContact& o) { return o.object < 0 || o.object > object; };
+        of_finger->objects.insert(std::find_if(of_finger->objects.begin(), of_finger->objects.end(), later), on_finger);
+        measure_touching(*of_finger);
+    }
+    if (of_soft) {
+        of_soft->objects.push_back(on_soft);
+        const double own = of_soft->touching_area;
+        measure_touching(*of_soft);
+        of_soft->touching_area = own + area;
+    }
 }
 
 void extract_soft(const Table<Skin>& skins, double tolerance, SoftObjects& soft, SkinChunks& chunks,
                   Table<ContactSurface>& surfaces) {
+    const auto fresh = [](const auto& c, int lane) { return !((c.unchanged_lanes >> lane) & 1u); };
     for (SoftObject& o : soft.all) {
         auto& chunk = chunks.doubles[std::size_t(o.skin.chunk)];
-        if (!((chunk.unchanged_lanes >> o.skin.lane) & 1u)) extract(chunk, o.skin.lane, tolerance, o.hold, o.surface);
+        if (fresh(chunk, o.skin.lane)) extract(chunk, o.skin.lane, tolerance, o.hold, o.surface);
     }
     for (const SoftPair& p : soft.pairs) {
         if (!p.near) continue;
         SoftObject& o = soft.all[std::size_t(p.soft)];
+        const SkinChunk<double>& of_soft = chunks.doubles[std::size_t(o.skin.chunk)];
         const Skin& finger = skins[std::size_t(p.finger)];
         chunks.with(finger.single_precision, finger.chunk, [&](const auto& c) {
-            extract_pair(c, chunks.doubles[std::size_t(o.skin.chunk)], p, o.object, surfaces[std::size_t(p.finger)],
-                         o.surface);
+            extract_pair(c, of_soft, p, o.object, fresh(c, finger.lane) ? &surfaces[std::size_t(p.finger)] : nullptr,
+                         fresh(of_soft, o.skin.lane) ? &o.surface : nullptr);
         });
     }
 }

@@ -9,7 +9,7 @@ inline constexpr double rough_from = 0.05;
 /// A finger, or a body, whose forces are off balance by more than this share of its contact force (and three times the
 /// solver's tolerance), and by more than this [N], has not converged, whatever its island says (random scene 1093: ten
 /// fingers under bodies of some grams, in single precision).
-inline constexpr double own_residual = 2e-3, own_rounding = 1e-3;
+inline constexpr double own_residual = 1e-3, own_rounding = 1e-3;
 /// Boxes, discs and plates that are less than twice this thick remember the side a point is on; in thicker ones the
 /// nearest face is the right one (cards of 0.1 and 1 mm met at 0.1 to 10 m/s) [m].
 inline constexpr double thin_half = 2.5e-3;

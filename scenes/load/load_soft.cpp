@@ -23,7 +23,7 @@ struct Nodule {
 const std::vector<std::string> sides{"bottom", "top", "left", "right", "back", "front"};  // -z, z, -y, y, -x, x
 
 struct SoftKeys {
-    int elements = 1000, patch = 0, fixed = 0;
+    int elements = 1000, patch = 5, fixed = 0;
     double fixed_depth = 0;
     std::vector<Nodule> nodules;
 };
@@ -158,7 +158,7 @@ void read_soft(Section& object, bool shaped, const std::string& surface_file, co
     s.number("young_kPa", f.young_modulus, unit::kPa, in(unit::kPa, finger_bounds::young_modulus), "Young's modulus.",
              Likely{0.5, 20000, "MPa", "Pa"});
     s.number("poisson", f.poisson_ratio, unit::one, finger_bounds::poisson_ratio, "Poisson's ratio.");
-    s.number("density_kg_per_m3", f.density, unit::kg_per_m3, finger_bounds::density, "Density.",
+    s.number("density_kg_per_m3", f.density, unit::kg_per_m3, finger_bounds::density, "Density of its tissue.",
              Likely{100, 10000, "g/cm^3", "g/m^3"});
     s.integer("elements", k.elements, {20, 200000}, "Wanted number of tetrahedra; the result is near it.");
     s.integer("patch", k.patch, {0, 16},

@@ -124,7 +124,7 @@ TEST(Nodule, IsFeltAsCalculiXSays) {
         std::printf("%d: over %.5f N (%+.1f %%), beside %.5f N (%+.1f %%), ratio %.4f (%+.1f %%)\n", elements, here,
                     100 * (here / over - 1), there, 100 * (there / beside - 1), here / there,
                     100 * (here / there / (over / beside) - 1));
-        EXPECT_NEAR(here / there, over / beside, 0.1 * over / beside);
+        EXPECT_NEAR(here / there, over / beside, 0.05 * over / beside);
         EXPECT_LT(there / beside - 1, 0.7 * excess);
         excess = there / beside - 1;
     }

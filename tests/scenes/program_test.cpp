@@ -273,7 +273,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, EverySceneAndGrasp,
                          [](const auto& i) { return i.param; });
 
 /// With the few iterations of the preset in both, and converged in both. Where fingers press each other as well
-/// (recorded_hand), few iterations leave more between the two.
+/// (recorded_hand), few iterations leave more between the two; where a grasp at strain limits is solved on until it is
+/// balanced (egg, pinch), the two may take another number of them.
 TEST_P(EverySceneAndGrasp, FloatGivesTheForcesOfDouble) {
     const std::vector<std::string> converged{"solver.tolerance=1e-5", "solver.multiplier_tolerance=1e-4"};
     for (std::vector<std::string> settings : {std::vector<std::string>{"solver.preset=real-time"}, converged}) {
@@ -289,7 +290,8 @@ TEST_P(EverySceneAndGrasp, FloatGivesTheForcesOfDouble) {
         std::printf("%s, %s: force field in float %.1e off\n", GetParam().c_str(), settings[0].c_str(),
                     difference / size);
         const bool few = settings[0] == "solver.preset=real-time";
-        EXPECT_LT(difference, (few && GetParam() == "recorded_hand" ? 3e-3 : 1e-3) * size);
+        const bool apart = GetParam() == "recorded_hand" || GetParam() == "egg" || GetParam() == "pinch";
+        EXPECT_LT(difference, (few && apart ? 3e-3 : 1e-3) * size);
     }
 }
 
