@@ -256,7 +256,8 @@ ObjectMesh mesh_object(const SurfaceOfSize& surface, double volume, const std::v
     std::string last_error;
     // Surfaces of whole numbers of edges: the count changes by leaps, so look on both sides.
     for (int k = 0; k < 13 && best_cost > 0.08; ++k) {
-        const double edge = estimate * (1.05 + 0.04 * ((k + 1) / 2) * (k % 2 ? 1 : -1));
+        const int side = k % 2 ? 1 : -1, leaps = (k + 1) / 2;
+        const double edge = estimate * (1.05 + 0.04 * leaps * side);
         try {
             ObjectMesh filled = fill(surface(edge), edge, inclusions, settings);
             const double off = std::abs(double(filled.mesh.tets.size()) / settings.elements - 1);
