@@ -4,6 +4,43 @@
 
 namespace palpate {
 
+namespace {
+
+nlohmann::json finger_json(const FingerSummary& f) {
+    nlohmann::json k{{"name", f.name},
+                     {"peak_force_N", f.peak_force_N},
+                     {"mean_force_N", f.mean_force_N},
+                     {"peak_area_mm2", f.peak_area_mm2},
+                     {"touching_share", f.touching_share},
+                     {"worst_limit_violation", f.worst_limit_violation},
+                     {"worst_penetration_um", f.worst_penetration_um},
+                     {"fixed_penetration_um", f.fixed_penetration_um},
+                     {"unsettled_steps", f.unsettled_steps},
+                     {"unsettled_peak_N", f.unsettled_peak_N},
+                     {"mean_iterations", f.mean_iterations},
+                     {"converged_share", f.converged_share},
+                     {"resets", f.resets},
+                     {"wrong_side_steps", f.wrong_side_steps},
+                     {"extended_steps", f.extended_steps},
+                     {"uphill_steps", f.uphill_steps},
+                     {"rough_steps", f.rough_steps}};
+    if (f.has_device) {
+        k["matching_rms_mm"] = f.matching_rms_mm;
+        k["constrained_share"] = f.constrained_share;
+        k["beside_share"] = f.beside_share;
+        k["thimble"] = f.thimble_mode;
+        k["led_to_rest"] = f.retreats;
+        if (f.commands > 0)
+            k["command_age_ms"] = {{"commands", f.commands},
+                                   {"median", f.command_age_ms},
+                                   {"p99", f.command_age_p99_ms},
+                                   {"worst", f.command_age_worst_ms}};
+    }
+    return k;
+}
+
+}  // namespace
+
 nlohmann::json to_json(const Summary& s) {
     nlohmann::json j{{"title", s.title},
                      {"simulated_s", s.simulated_s},
@@ -32,38 +69,7 @@ nlohmann::json to_json(const Summary& s) {
     }
     for (const auto& [system, us] : s.system_mean_us) j["system_mean_us"][system] = us;
     j["fingers"] = nlohmann::json::array();
-    for (const FingerSummary& f : s.fingers) {
-        nlohmann::json k{{"name", f.name},
-                         {"peak_force_N", f.peak_force_N},
-                         {"mean_force_N", f.mean_force_N},
-                         {"peak_area_mm2", f.peak_area_mm2},
-                         {"touching_share", f.touching_share},
-                         {"worst_limit_violation", f.worst_limit_violation},
-                         {"worst_penetration_um", f.worst_penetration_um},
-                         {"fixed_penetration_um", f.fixed_penetration_um},
-                         {"unsettled_steps", f.unsettled_steps},
-                         {"unsettled_peak_N", f.unsettled_peak_N},
-                         {"mean_iterations", f.mean_iterations},
-                         {"converged_share", f.converged_share},
-                         {"resets", f.resets},
-                         {"wrong_side_steps", f.wrong_side_steps},
-                         {"extended_steps", f.extended_steps},
-                         {"uphill_steps", f.uphill_steps},
-                         {"rough_steps", f.rough_steps}};
-        if (f.has_device) {
-            k["matching_rms_mm"] = f.matching_rms_mm;
-            k["constrained_share"] = f.constrained_share;
-            k["beside_share"] = f.beside_share;
-            k["thimble"] = f.thimble_mode;
-            k["led_to_rest"] = f.retreats;
-            if (f.commands > 0)
-                k["command_age_ms"] = {{"commands", f.commands},
-                                       {"median", f.command_age_ms},
-                                       {"p99", f.command_age_p99_ms},
-                                       {"worst", f.command_age_worst_ms}};
-        }
-        j["fingers"].push_back(k);
-    }
+    for (const FingerSummary& f : s.fingers) j["fingers"].push_back(finger_json(f));
     for (const SoftSummary& o : s.soft_objects)
         j["soft_objects"].push_back({{"name", o.name},
                                      {"elements", o.elements},
