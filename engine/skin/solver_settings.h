@@ -17,6 +17,8 @@ struct SolverSettings {
     double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change
     int contact_iterations = 3;          ///< most linear solves that follow contacts along one Newton direction
     double contact_share = 0.3;          ///< follow while contact leaves more than this share of the residual
+    int steadying_iterations = 12;       ///< most linear solves more in a step that would shake a body held by tissue at
+                                         ///< its limits (fitted.h: steady_share); 0: none
     double limit_tolerance = 1e-3;       ///< relative excess allowed over a strain limit
     double contact_tolerance = 2e-6;     ///< penetration allowed [m]
     int sample_refinement = 1;           ///< 1: contact is decided at nodes; n: at n times as many points along edges
@@ -43,6 +45,7 @@ inline constexpr Range multiplier_tolerance{1e-12, 0.1};
 inline constexpr Range multiplier_gate{1e-6, 1000};
 inline constexpr Range contact_iterations{0, 100};
 inline constexpr Range contact_share{0, 1};
+inline constexpr Range steadying_iterations{0, 100};
 inline constexpr Range limit_tolerance{1e-8, 0.5};
 inline constexpr Range contact_tolerance{1e-10, 1e-2};
 inline constexpr Range recovery_speed{1e-4, 10};

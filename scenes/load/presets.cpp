@@ -56,7 +56,9 @@ void govern(Governor& g, double step_seconds) {
 
 SolverSettings settings_of(const Governor& g, int preset) {
     SolverSettings s = g.asked;
-    if (preset < g.highest) apply_preset(preset, s);
+    if (preset >= g.highest) return s;
+    apply_preset(preset, s);
+    s.steadying_iterations = 0;  // what is to be in time is not solved on
     return s;
 }
 

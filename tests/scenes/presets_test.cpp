@@ -86,7 +86,8 @@ TEST(Presets, GraspsComeToRest) {
     const std::atomic<bool> stop{false};
     for (const auto& [scene, overrides] :
          {std::pair{"hold_ball", std::vector<std::string>{"solver.preset=fast"}},
-          {"hold_mug", {"solver.preset=balanced", "finger.*.mesh.kind=conforming", "finger.*.mesh.patch=5"}}}) {
+          {"hold_mug", {"solver.preset=balanced", "finger.*.mesh.kind=conforming", "finger.*.mesh.patch=5"}},
+          {"two_hands", {"solver.preset=balanced", "finger.*.mesh.kind=conforming", "finger.*.mesh.patch=5"}}}) {
         Simulation s = make_simulation(load_scene(scenes + scene + ".toml", overrides), 2);
         run(s, stop, {});
         const Series& body = s.body_series[0];

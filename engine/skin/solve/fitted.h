@@ -39,7 +39,11 @@ inline constexpr double extra_iterations = 4, most_extra_iterations = 40, spike_
 /// on, by one iteration at a time, until forces are balanced to this share of the contact force (`hold_mug` on
 /// conforming fingers comes to rest from 2e-3 on, `pinch` from 1e-3; at 5e-4 `egg` needs a third more iterations, for
 /// nothing).
-inline constexpr double steady_share = 1e-3, most_steadying_iterations = 8;
+inline constexpr double steady_share = 1e-3;
+/// And until multipliers would change nodal forces by no more than this share of it: what is updated once a step,
+/// without an iteration after it, is an integral that lags behind the body and drives it (`two_hands` on conforming
+/// fingers: at 1e-2 the box of one mesh of two comes to rest, at 3e-3 and 1e-3 that of all three that were tried).
+inline constexpr double steady_pending_share = 3e-3;
 /// One that is off by more than a tenth is too rough to be rendered.
 inline constexpr double rough_share = 0.1;
 /// Multiplier updates of a step, as a multiple of its Newton iterations.

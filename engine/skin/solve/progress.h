@@ -114,10 +114,12 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> rough =
         (e.contact_force > e.force_floor) & (residual > R(T(fitted::spike_share)) * e.contact_force);
     const MaskOf<R> holds_body = e.residual_cap < R(std::numeric_limits<T>::max());
-    const MaskOf<R> shaky = holds_body & (e.limited > R(0)) & (residual > R(T(fitted::steady_share)) * e.contact_force);
+    const MaskOf<R> shaky = holds_body & (e.limited > R(0)) &
+                            ((residual > R(T(fitted::steady_share)) * e.contact_force) |
+                             (pending > R(T(fitted::steady_pending_share)) * e.contact_force));
     const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget &
                               ((rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
-                               (shaky & (p.extra < R(T(fitted::most_steadying_iterations)))));
+                               (shaky & (p.extra < R(T(s.steadying_iterations)))));
     p.extra += select(goes_on, select(rough, R(T(fitted::extra_iterations)), R(1)), R(0));
     p.active = d.retry | d.update | d.newton | goes_on;
     return d;
