@@ -14,7 +14,7 @@ namespace palpate {
 
 namespace {
 
-ContactSurface contact_surface_of(const TetMesh& mesh);
+ContactSurface contact_surface_of(const TetMesh& mesh, const Pose<double>& bone);
 
 /// Fingers of one archetype: same connectivity, precision and material.
 struct Archetype {
@@ -233,7 +233,7 @@ void add_soft_objects(const SceneSpec& spec, World& world) {
         soft.object = object;
         soft.skin = {o.name, false, int(world.chunks.doubles.size()) - 1, 0, f.mesh, o.pose};
         soft.hold = rigid_hold();
-        soft.surface = contact_surface_of(f.mesh);
+        soft.surface = contact_surface_of(f.mesh, o.pose);
         soft.nodes.resize(f.mesh.nodes.size());
         const auto& bone = f.mesh.bone_nodes;
         for (const auto& face : f.mesh.surface)
@@ -256,9 +256,10 @@ void add_soft_objects(const SceneSpec& spec, World& world) {
     }
 }
 
-ContactSurface contact_surface_of(const TetMesh& mesh) {
+ContactSurface contact_surface_of(const TetMesh& mesh, const Pose<double>& bone) {
     const std::vector<double> area = nodal_areas(mesh);
     ContactSurface c;
+    c.bone = bone;
     for (int node : mesh.pad_nodes) {
         c.area.push_back(area[node]);
         c.position.push_back({mesh.nodes[node][0], mesh.nodes[node][1], mesh.nodes[node][2]});
@@ -312,7 +313,7 @@ World build_world(const SceneSpec& spec) {
         if (spec.fingers[i].filter) world.pose_filters.add(tracker, *spec.fingers[i].filter);
         world.couplings.add(finger, spec.fingers[i].coupling).tracker = tracker;
         world.skins.add(finger, std::move(skins[i]));
-        world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh));
+        world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh, spec.fingers[i].start));
     }
     for (const ObjectSpec& o : spec.objects) {
         const EntityId object = world.objects.create();

@@ -104,7 +104,7 @@ void solve_direction(Work& w, Condition chosen, Condense what) {
         }
     }
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
-        if (!chosen(i)) return;
+        if (!chosen(i) || !c.has_bodies) return;  // beside soft objects there need not be any
         for (int slot = 0; slot < c.contacts.used; ++slot)
             for (int k = 0; k < 6; ++k) c.exchange.body_step[(6 * slot + k) * c.width + lane] = 0;
         for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
