@@ -139,6 +139,12 @@ Use::~Use() {
     if (slot_ >= 0) slots()[slot_].word.fetch_sub(1, std::memory_order_release);
 }
 
+bool alone_in(PalpateWorld world) {
+    std::uint32_t generation = 0;
+    const std::int64_t at = slot_of(world, generation);
+    return at >= 0 && slots()[at].word.fetch_add(0, std::memory_order_acq_rel) == (std::uint64_t(generation) << 32) + 1;
+}
+
 Owner::Owner(PalpateWorld world) : use_(world) {
     if (!use_)
         result_ = fail_no_world(world);

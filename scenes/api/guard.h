@@ -48,6 +48,9 @@ class Use {
     std::int64_t slot_ = -1;
     Session* session_ = nullptr;
 };
+/// Within a call of the world's owner: whether no other thread is in a call of it. What those find from now on they
+/// find as it is now.
+bool alone_in(PalpateWorld world);
 std::int32_t fail_no_world(PalpateWorld world) noexcept;
 
 /// The same as the one thread that steps, reads views, saves. Not sole where another one is.

@@ -110,9 +110,15 @@ typedef struct PalpateObjectDef {
     const char* file;     /* of a mesh, in mm */
     double dimensions[3]; /* box: edges x y z; others: radius, length [m] */
     double pose[7];
-    double friction;  /* Coulomb coefficient; 0: none is built */
-    double stiffness; /* pressure on skin per depth, where it gives way [Pa/m]; 0: rigid */
-    double mass;      /* forces move it [kg]; 0: it stays where it is put */
+    double friction;      /* Coulomb coefficient; 0: none is built */
+    double stiffness;     /* pressure on skin per depth, where it gives way [Pa/m]; 0: rigid */
+    double mass;          /* forces move it [kg]; 0: it stays where it is put */
+    double young_modulus; /* it is tissue [Pa]; 0: rigid. No plane, no mass, no stiffness */
+    double poisson;       /* of tissue; 0: as `palpate keys object.soft` has it */
+    const char* fixed;    /* side of the tissue that is held; "bottom" */
+    double fixed_depth;   /* what lies that near to this side is held, too [m]; more than 0 where the side is round */
+    int32_t elements;     /* tetrahedra wanted of the tissue; 0: as `palpate keys object.soft` has it */
+    int32_t reserved;
 } PalpateObjectDef;
 PALPATE_API int32_t palpate_default_object_def(PalpateObjectDef* def, int32_t size);
 
@@ -218,30 +224,44 @@ PALPATE_API int32_t palpate_step_many(const PalpateWorld* worlds, int32_t count,
 /* Sizes: S samples of the pad, N nodes, E tetrahedra, F faces of the pad; C components of a thimble's configuration, J
    joints. "world" views (index -1) have a row per finger, object. */
 enum {
-    PALPATE_POSITIONS = 0,       /* finger: [S][3] float64, samples, world [m] */
-    PALPATE_FORCES = 1,          /* finger: [S][3] float64, on the skin, world [N] */
-    PALPATE_TOUCHES = 2,         /* finger: [S] uint8, 1 where it is pushed */
-    PALPATE_PRESSURES = 3,       /* finger: [S] float64, force by area [Pa] */
-    PALPATE_AREAS = 4,           /* finger: [S] float64, share of the surface at rest [m^2] */
-    PALPATE_FACES = 5,           /* finger: [F][3] int32, samples, outward */
-    PALPATE_SAMPLE_NODES = 6,    /* finger: [S] int32, node of each sample */
-    PALPATE_NODES = 7,           /* finger: [N][3] float64, world [m] */
-    PALPATE_REST_NODES = 8,      /* finger: [N][3] float64, finger frame [m] */
-    PALPATE_TETRAHEDRA = 9,      /* finger: [E][4] int32, nodes */
-    PALPATE_STRETCHES = 10,      /* finger: [E][2] float64, smallest and largest principal stretch */
-    PALPATE_CONFIGURATION = 11,  /* thimble: [C] float64 [rad or m] */
-    PALPATE_JOINTS_WANTED = 12,  /* thimble: [J] float64 [rad] */
-    PALPATE_JOINTS_SENT = 13,    /* thimble: [J] float64 [rad] */
-    PALPATE_JOINTS_REACHED = 14, /* thimble: [J] float64 [rad], of the simulated servos */
-    PALPATE_BONE_POSES = 15,     /* world: [fingers][7] float64 */
-    PALPATE_TRACKED_POSES = 16,  /* world: [fingers][7] float64, newest valid ones */
-    PALPATE_NET_FORCES = 17,     /* world: [fingers][3] float64 [N] */
-    PALPATE_NET_TORQUES = 18,    /* world: [fingers][3] float64, about the bone's origin [N m] */
-    PALPATE_CENTRES = 19,        /* world: [fingers][3] float64, of pressure [m]; NaN where nothing pushes */
-    PALPATE_CONTACT_AREAS = 20,  /* world: [fingers] float64 [m^2] */
-    PALPATE_OBJECT_POSES = 21,   /* world: [objects][7] float64 */
-    PALPATE_OBJECT_MOTIONS = 22, /* world: [objects][6] float64, velocity [m/s], angular velocity [rad/s] */
-    PALPATE_FIELD_COUNT = 23
+    PALPATE_POSITIONS = 0,         /* finger: [S][3] float64, samples, world [m] */
+    PALPATE_FORCES = 1,            /* finger: [S][3] float64, on the skin, world [N] */
+    PALPATE_TOUCHES = 2,           /* finger: [S] uint8, 1 where it is pushed */
+    PALPATE_PRESSURES = 3,         /* finger: [S] float64, force by area [Pa] */
+    PALPATE_AREAS = 4,             /* finger: [S] float64, share of the surface at rest [m^2] */
+    PALPATE_FACES = 5,             /* finger: [F][3] int32, samples, outward */
+    PALPATE_SAMPLE_NODES = 6,      /* finger: [S] int32, node of each sample */
+    PALPATE_NODES = 7,             /* finger: [N][3] float64, world [m] */
+    PALPATE_REST_NODES = 8,        /* finger: [N][3] float64, finger frame [m] */
+    PALPATE_TETRAHEDRA = 9,        /* finger: [E][4] int32, nodes */
+    PALPATE_STRETCHES = 10,        /* finger: [E][2] float64, smallest and largest principal stretch */
+    PALPATE_CONFIGURATION = 11,    /* thimble: [C] float64 [rad or m] */
+    PALPATE_JOINTS_WANTED = 12,    /* thimble: [J] float64 [rad] */
+    PALPATE_JOINTS_SENT = 13,      /* thimble: [J] float64 [rad] */
+    PALPATE_JOINTS_REACHED = 14,   /* thimble: [J] float64 [rad], of the simulated servos */
+    PALPATE_BONE_POSES = 15,       /* world: [fingers][7] float64 */
+    PALPATE_TRACKED_POSES = 16,    /* world: [fingers][7] float64, newest valid ones */
+    PALPATE_NET_FORCES = 17,       /* world: [fingers][3] float64 [N] */
+    PALPATE_NET_TORQUES = 18,      /* world: [fingers][3] float64, about the bone's origin [N m] */
+    PALPATE_CENTRES = 19,          /* world: [fingers][3] float64, of pressure [m]; NaN where nothing pushes */
+    PALPATE_CONTACT_AREAS = 20,    /* world: [fingers] float64 [m^2] */
+    PALPATE_OBJECT_POSES = 21,     /* world: [objects][7] float64 */
+    PALPATE_OBJECT_MOTIONS = 22,   /* world: [objects][6] float64, velocity [m/s], angular velocity [rad/s] */
+    PALPATE_OBJECT_FORCES = 23,    /* world: [objects][3] float64, on each, as PalpateObjectState has it [N] */
+    PALPATE_FORCES_BY_OBJECT = 24, /* finger: [objects][3] float64, of each object on its skin, world [N] */
+    /* The same of a soft object (its id), whose bone is its fixed part. A rigid one: PALPATE_ERROR_STATE. */
+    PALPATE_SOFT_POSITIONS = 25,
+    PALPATE_SOFT_FORCES = 26,
+    PALPATE_SOFT_TOUCHES = 27,
+    PALPATE_SOFT_PRESSURES = 28,
+    PALPATE_SOFT_AREAS = 29,
+    PALPATE_SOFT_FACES = 30,
+    PALPATE_SOFT_SAMPLE_NODES = 31,
+    PALPATE_SOFT_NODES = 32,
+    PALPATE_SOFT_REST_NODES = 33, /* object frame */
+    PALPATE_SOFT_TETRAHEDRA = 34,
+    PALPATE_SOFT_STRETCHES = 35,
+    PALPATE_FIELD_COUNT = 36
 };
 enum { PALPATE_FLOAT64 = 0, PALPATE_INT32 = 1, PALPATE_UINT8 = 2 };
 
@@ -254,8 +274,9 @@ typedef struct PalpateView {
     int64_t generation; /* of the world, as the view was filled */
     const void* data;   /* read only; stays in its place as long as the world lives */
 } PalpateView;
-/* Shows a field of the finger or thimble with id `index`, or of the world (-1), without a copy. A field that has been
-   asked for once is filled anew by every palpate_step, _restore and _set: keep the view, and its data are the newest.
+/* Shows a field of the finger, soft object or thimble with id `index`, or of the world (-1), without a copy. A field
+   that has been asked for once is filled anew by every palpate_step, _restore and _set: keep the view, and its data are
+   the newest.
  */
 PALPATE_API int32_t palpate_view(PalpateWorld world, int32_t field, int32_t index, PalpateView* view);
 
@@ -285,8 +306,13 @@ typedef struct PalpateObjectState {
     double pose[7];
     double velocity[3]; /* of the centre of mass [m/s] */
     double spin[3];     /* angular velocity [rad/s] */
-    double force[3];    /* of all contacts in the last step [N] */
-    double torque[3];   /* about the centre of mass [N m] */
+    /* Of all contacts in the last step, where forces move it or it is soft; else of fingers and soft objects [N]. */
+    double force[3];
+    /* Where forces move it about the centre of mass, where it is soft about its pose's origin; else 0 [N m]. */
+    double torque[3];
+    double contact_area; /* of a soft one [m^2] */
+    int32_t soft;        /* 1: of tissue, which the PALPATE_SOFT_ fields show */
+    int32_t touching;    /* samples of a soft one that are pushed */
 } PalpateObjectState;
 PALPATE_API int32_t palpate_get_object(PalpateWorld world, int32_t object, PalpateObjectState* state);
 

@@ -99,6 +99,13 @@ void put_object(std::ostream& out, const PalpateObjectDef* given, const std::str
     out << "\nfriction = " << Number{o.friction} << "\n";
     if (o.stiffness != 0) out << "stiffness_kPa_per_mm = " << Number{1e-6 * o.stiffness} << "\n";
     if (o.mass != 0) out << "mass_g = " << Number{1e3 * o.mass} << "\n";
+    if (o.young_modulus == 0) return;
+    out << "soft = { young_kPa = " << Number{1e-3 * o.young_modulus};
+    if (o.poisson != 0) out << ", poisson = " << Number{o.poisson};
+    if (o.elements != 0) out << ", elements = " << o.elements;
+    out << ", fixed = " << quoted(o.fixed ? o.fixed : "bottom");
+    if (o.fixed_depth != 0) out << ", fixed_mm = " << Number{1e3 * o.fixed_depth};
+    out << " }\n";
 }
 
 /// Of a list of structs of the caller's version.

@@ -178,6 +178,10 @@ void take_rows(Session& session, const std::vector<int>& fingers, const std::vec
                const std::vector<int>& thimbles);
 /// The same for views and snapshots alone.
 void renew_views(Session& session);
+/// Memory for snapshots of the fingers that there are, where there is none.
+void prepare_snapshots(Session& session);
+/// Leaves one for other threads.
+void take_snapshot(Session& session);
 std::int32_t fail_no_part(const char* what, std::int32_t id) noexcept;
 /// Where fingers and objects are now, by their names.
 PosesNow poses_now(const World& world);

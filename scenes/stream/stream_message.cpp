@@ -6,6 +6,7 @@
 
 #include "scenes/run/finger_output.h"
 #include "scenes/run/hardware.h"
+#include "scenes/run/object_output.h"
 
 namespace palpate {
 
@@ -60,6 +61,14 @@ void put_samples(std::string& out, const std::vector<Vec3<double>>& samples) {
     out += ']';
 }
 
+void put_samples(std::string& out, const StreamNumbers::Samples& samples) {
+    out += ",\"samples\":{\"positions\":";
+    put_samples(out, samples.positions);
+    out += ",\"forces\":";
+    put_samples(out, samples.forces);
+    out += '}';
+}
+
 /// ,"key":value
 template <class Value>
 void field(std::string& out, const char* key, const Value& value) {
@@ -83,13 +92,7 @@ void put_finger(const StreamNumbers::Finger& f, const StreamNames& names, std::s
     field(out, "area", f.area);
     field(out, "touching", std::int64_t(f.touching));
     out += f.converged ? ",\"converged\":true" : ",\"converged\":false";
-    if (samples) {
-        out += ",\"samples\":{\"positions\":";
-        put_samples(out, f.positions);
-        out += ",\"forces\":";
-        put_samples(out, f.forces);
-        out += '}';
-    }
+    if (samples) put_samples(out, f.samples);
     if (names.thimbles[i] >= 0) {
         (out += ",\"thimble\":{\"kind\":") += names.kinds[std::size_t(names.thimbles[i])];
         out += ",\"configuration\":", put_list(out, f.configuration);
@@ -112,9 +115,19 @@ StreamNames stream_names(const Simulation& s) {
             if (s.world.matchings[t].finger == s.fingers[i]) names.thimbles.back() = int(t);
     }
     for (const Matching& m : s.world.matchings) names.kinds.push_back(quoted(m.model.kind->name));
-    for (const RigidShape& o : s.world.shapes) names.objects.push_back(quoted(o.name));
+    for (const RigidShape& o : s.world.shapes) names.objects.push_back(quoted(o.name)), names.soft.push_back(o.soft);
     return names;
 }
+
+namespace {
+
+void take_samples(const ContactSurface& c, StreamNumbers::Samples& out) {
+    out.positions.resize(c.position.size());
+    for (std::size_t k = 0; k < c.position.size(); ++k) out.positions[k] = sample_place(c, k);
+    out.forces = c.force;
+}
+
+}  // namespace
 
 void take_numbers(const Simulation& s, const StreamNames& names, bool samples, StreamNumbers& out) {
     const World& w = s.world;
@@ -131,11 +144,7 @@ void take_numbers(const Simulation& s, const StreamNames& names, bool samples, S
         f.bone = o.bone, f.force = o.force, f.torque = o.torque, f.centre = o.centre;
         f.normal_force = o.normal_force, f.area = o.area, f.touching = o.touching;
         f.converged = skin_status(w, s.fingers[i]).converged;
-        if (samples) {
-            f.positions.resize(c.position.size());
-            for (std::size_t k = 0; k < c.position.size(); ++k) f.positions[k] = sample_place(c, k);
-            f.forces = c.force;
-        }
+        if (samples) take_samples(c, f.samples);
         if (names.thimbles[i] < 0) continue;
         const auto t = std::size_t(names.thimbles[i]);
         f.configuration = w.matchings[t].result.w, f.wanted = w.matchings[t].result.q;
@@ -148,11 +157,14 @@ void take_numbers(const Simulation& s, const StreamNames& names, bool samples, S
     }
     out.objects.resize(w.shapes.size());
     for (std::size_t i = 0; i < w.shapes.size(); ++i) {
-        out.objects[i] = {w.shapes[i].pose, {0, 0, 0}, {0, 0, 0}};
-        if (w.shapes[i].body < 0) continue;
-        const RigidBody& b = w.bodies[std::size_t(w.shapes[i].body)];
-        out.objects[i].velocity = b.velocity;
-        out.objects[i].spin = angular_velocity(b, w.shapes[i].pose.rotation);
+        const RigidShape& shape = w.shapes[i];
+        StreamNumbers::Object& o = out.objects[i];
+        o.pose = shape.pose, o.velocity = o.spin = {0, 0, 0}, o.force = object_output(w, i).force;
+        if (samples && shape.soft >= 0) take_samples(w.soft.all[std::size_t(shape.soft)].surface, o.samples);
+        if (shape.body < 0) continue;
+        const RigidBody& b = w.bodies[std::size_t(shape.body)];
+        o.velocity = b.velocity;
+        o.spin = angular_velocity(b, shape.pose.rotation);
     }
 }
 
@@ -172,6 +184,8 @@ void append_line(const StreamNumbers& n, const StreamNames& names, bool samples,
         field(out, "pose", n.objects[i].pose);
         field(out, "velocity", n.objects[i].velocity);
         field(out, "spin", n.objects[i].spin);
+        field(out, "force", n.objects[i].force);
+        if (samples && n.samples && names.soft[i] >= 0) put_samples(out, n.objects[i].samples);
         out += '}';
     }
     out += "]}\n";

@@ -9,7 +9,9 @@
 //                 "samples": {"positions": [[3], ...], "forces": [[3], ...]},        where asked for
 //                 "thimble": {"kind": "...", "configuration": [...], "wanted": [...], "sent": [...],
 //                             "reached": [...] rad}}],                               where it wears one
-//    "objects": [{"name": "...", "pose": pose, "velocity": [3] m/s, "spin": [3] rad/s}]}
+//    "objects": [{"name": "...", "pose": pose, "velocity": [3] m/s, "spin": [3] rad/s,
+//                 "force": [3] N on it (object_output.h),
+//                 "samples": {"positions": [[3], ...], "forces": [[3], ...]}}]}       of a soft one, where asked for
 //
 // Commands, in the other direction, likewise:
 //   {"pause": true}   {"finger": "index", "pose": pose or null (not seen)}   {"object": "ball", "pose": pose}
@@ -31,23 +33,28 @@ struct StreamNames {
     std::vector<std::string> fingers, objects;  ///< quoted as JSON
     std::vector<int> thimbles;                  ///< [finger] row; -1: none
     std::vector<std::string> kinds;             ///< [thimble] quoted
+    std::vector<int> soft;                      ///< [object] row among soft ones; -1: rigid
 };
 StreamNames stream_names(const Simulation& simulation);
 
 /// What one line says, as numbers; filled without allocation once it has been filled.
 struct StreamNumbers {
+    struct Samples {
+        std::vector<Vec3<double>> positions, forces;
+    };
     struct Finger {
         Pose<double> tracked, bone;
         double age, normal_force, area;
         Vec3<double> force, torque, centre;
         int touching;
         bool converged;
-        std::vector<Vec3<double>> positions, forces;
+        Samples samples;
         Coordinates configuration, wanted, sent, reached;
     };
     struct Object {
         Pose<double> pose;
-        Vec3<double> velocity, spin;
+        Vec3<double> velocity, spin, force;
+        Samples samples;
     };
     double time = 0;
     std::int64_t step = 0;

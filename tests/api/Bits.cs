@@ -211,7 +211,7 @@ static class Bits
             {
                 world.Step(1);
                 string line = step.ToString();
-                Field[] fields = { Field.NetForces, Field.NetTorques, Field.BonePoses, Field.ObjectPoses, Field.JointsSent };
+                Field[] fields = { Field.NetForces, Field.NetTorques, Field.BonePoses, Field.ObjectPoses, Field.ObjectForces, Field.JointsSent };
                 foreach (Field field in fields)
                 {
                     double[] numbers = null;

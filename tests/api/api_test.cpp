@@ -371,12 +371,12 @@ TEST(Api, WrongScenesSayEverythingAtOnce) {
 TEST(Api, StructsKeepTheirLayout) {
     EXPECT_EQ(32u, sizeof(PalpateWorldDef));
     EXPECT_EQ(104u, sizeof(PalpateFingerDef));
-    EXPECT_EQ(128u, sizeof(PalpateObjectDef));
+    EXPECT_EQ(168u, sizeof(PalpateObjectDef));
     EXPECT_EQ(80u, sizeof(PalpateSceneDef));
     EXPECT_EQ(56u, sizeof(PalpateWorldInfo));
     EXPECT_EQ(40u, sizeof(PalpateView));
     EXPECT_EQ(256u, sizeof(PalpateFingerState));
-    EXPECT_EQ(160u, sizeof(PalpateObjectState));
+    EXPECT_EQ(176u, sizeof(PalpateObjectState));
     EXPECT_EQ(224u, sizeof(PalpateThimbleState));
     EXPECT_EQ(32u, sizeof(PalpateReplayState));
     EXPECT_EQ(24u, offsetof(PalpateView, generation));

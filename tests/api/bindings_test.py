@@ -77,13 +77,17 @@ class Bindings(unittest.TestCase):
                               [{"shape": "plane"}])  # fmt: skip
         things = {"World": world, "Finger": world.fingers[0], "Object": world.objects[0], "Thimble": world.thimbles[0],
                   "Vector": palpate.vector(world, 1), "_Named": world.fingers}  # fmt: skip
+        shared = {}  # by base class
         for node in stub.body:
             if isinstance(node, ast.FunctionDef):
                 self.assertEqual(members(ast.Module([node], []))[node.name], parameters(getattr(palpate, node.name)), node.name)
             if not isinstance(node, ast.ClassDef):
                 continue
+            found = members(node) | {name: takes for base in node.bases for name, takes in shared.get(getattr(base, "id", ""), {}).items()}
+            if node.name == "_Tissue":
+                shared[node.name] = found
+                continue
             thing = things.pop(node.name)
-            found = members(node)
             public = {name for name in dir(thing) if not name.startswith("_")}
             self.assertEqual(public, {name for name in found if not name.startswith("_")}, node.name)
             for name, takes in found.items():
@@ -101,7 +105,8 @@ class Bindings(unittest.TestCase):
                 if not member.startswith("_") and (callable(value) or isinstance(value, property)):
                     self.assertTrue(value.__doc__, f"{name}.{member}")
         for shape in ("positions", "forces", "pressures", "nodes", "tetrahedra", "stretches"):
-            self.assertRegex(getattr(palpate.Finger, shape).__doc__, r"\[[SNEF]")
+            for kind in palpate.Finger, palpate.Object:
+                self.assertRegex(getattr(kind, shape).__doc__, r"\[[SNEF]")
 
     def test_the_sample_of_unity_refers_to_what_is_there(self):
         scripts = {}

@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
         printf("%d", step);
         if (!show(world, PALPATE_NET_FORCES, -1) || !show(world, PALPATE_NET_TORQUES, -1) ||
             !show(world, PALPATE_BONE_POSES, -1) || !show(world, PALPATE_OBJECT_POSES, -1) ||
+            !show(world, PALPATE_OBJECT_FORCES, -1) ||
             !show(world, PALPATE_JOINTS_SENT, 0))
             return fputs(palpate_last_error(), stderr), 1;
         printf("\n");

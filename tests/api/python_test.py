@@ -3,9 +3,11 @@ import copy
 import gc
 import json
 import multiprocessing
+import os
 import pathlib
 import pickle
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -263,6 +265,49 @@ class Palpate(unittest.TestCase):
         again.step(10)
         world.step(10)
         self.assertTrue(numpy.array_equal(again.objects[ball.name].pose, ball.pose))
+
+    def test_soft_objects(self):
+        world = palpate.build([{"name": "index", "elements": 120, "pose": [0, 0, 0.020, 1, 0, 0, 0]}],
+                              [{"shape": "plane", "name": "table"},
+                               {"shape": "box", "name": "cushion", "dimensions": [0.024, 0.024, 0.012], "pose": [0, 0, 0.006, 1, 0, 0, 0],
+                                "friction": 0.5, "young_modulus": 1e4, "elements": 300}])  # fmt: skip
+        cushion, finger = world.objects["cushion"], world.fingers[0]
+        places = cushion.positions
+        begin = places.copy()
+        finger.pose = [0, 0, 0.0165, 1, 0, 0, 0]
+        world.step(200)
+        self.assertEqual((1, 0), (cushion.state.soft, cushion.state.moves))
+        self.assertGreater(numpy.abs(places - begin).max(), 1e-4)  # a view: the newest
+        self.assertLess(cushion.force[2], -0.02)
+        numpy.testing.assert_allclose(cushion.force, -finger.force, atol=1e-12)
+        numpy.testing.assert_allclose(cushion.forces.sum(axis=0), cushion.force, atol=1e-12)
+        numpy.testing.assert_allclose(finger.forces_by_object, [[0, 0, 0], finger.force], atol=1e-12)
+        numpy.testing.assert_allclose(places, cushion.nodes[cushion.sample_nodes], atol=1e-9)
+        self.assertEqual((len(cushion.tetrahedra), 2), cushion.stretches.shape)
+        self.assertTrue((cushion.pressures >= 0).all() and cushion.touches.any())
+        with self.assertRaisesRegex(palpate.Error, "rigid"):
+            world.objects["table"].positions
+        again = pickle.loads(pickle.dumps(world))
+        again.step(5)
+        world.step(5)
+        self.assertTrue((again.objects["cushion"].nodes == cushion.nodes).all())
+        world.add_object("sphere", [0.01], pose=[0.2, 0, 0.1, 1, 0, 0, 0])
+        self.assertEqual((3, 3), finger.forces_by_object.shape)
+        cushion.remove()
+        with self.assertRaisesRegex(palpate.Error, "removed"):
+            cushion.nodes
+
+    def test_an_interrupt_ends_many_steps(self):
+        world = palpate.load_text(SMALL)
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        begin = time.monotonic()
+        with self.assertRaises(KeyboardInterrupt):
+            world.step(1000000)
+        self.assertLess(time.monotonic() - begin, 20)
+        done = world.steps
+        self.assertTrue(0 < done < 1000000)
+        world.step_to(world.time + 0.1)
+        self.assertEqual(done + 100, world.steps)
 
     def test_threads(self):
         world = palpate.load_text(SMALL)

@@ -1,7 +1,7 @@
 """One scene, the same bits from all: same_bits.py PROGRAM LIBRARY BUILD
 
 The program's live stream, its recording replayed, a program in C, Python, one in C# (where mono is), and a world that gets
-the stream's poses: after every step the forces, torques, poses and joint angles are the same, bit for bit."""
+the stream's poses: after every step forces, torques and poses of fingers and objects (one of them soft) and joint angles are the same, bit for bit."""
 import json
 import os
 import pathlib
@@ -35,6 +35,13 @@ radius_mm = 8
 position_mm = [40, 0, 8]
 mass_g = 4
 friction = 0.5
+[[object]]
+name = "cushion"
+kind = "sphere"
+radius_mm = 8
+position_mm = [-50, 0, -4]
+friction = 0.5
+soft = { young_kPa = 10, elements = 200, fixed = "bottom", fixed_mm = 3 }
 [[finger]]
 name = "index"
 elements = 150
@@ -44,6 +51,10 @@ track = [ { t_s = 0, position_mm = [0, 0, 8.5] }, { t_s = 0.03, position_mm = [1
 name = "thumb"
 elements = 150
 track = [ { t_s = 0, position_mm = [40, 0, 25] }, { t_s = 0.03, position_mm = [40, 1, 22] } ]
+[[finger]]
+name = "middle"
+elements = 150
+track = [ { t_s = 0, position_mm = [-50, 0, 12.5] }, { t_s = 0.03, position_mm = [-50, 0, 10] } ]
 """
 
 
@@ -52,7 +63,7 @@ def bits(step, *numbers):
 
 
 def of_world(step, world):
-    parts = [world.forces, world.torques, world.bones, world.object_poses, world.thimbles[0].sent]
+    parts = [world.forces, world.torques, world.bones, world.object_poses, world.object_forces, world.thimbles[0].sent]
     return bits(step, *(part.reshape(-1).tolist() for part in parts))
 
 
@@ -60,7 +71,7 @@ def of_line(line):
     fingers, objects = line["fingers"], line["objects"]
     rows = lambda key, all: [x for one in all for x in one[key]]  # noqa: E731
     return bits(line["step"], rows("force", fingers), rows("torque", fingers), rows("pose", fingers), rows("pose", objects),
-                fingers[0]["thimble"]["sent"])  # fmt: skip
+                rows("force", objects), fingers[0]["thimble"]["sent"])  # fmt: skip
 
 
 def stepped(world, before=lambda k: None):

@@ -95,6 +95,39 @@ class Stream(unittest.TestCase):
             if finger["centre"]:
                 self.assertAlmostEqual(row["centre_z_mm"], 1e3 * finger["centre"][2], places=6)
 
+    def test_lines_have_objects_and_what_presses_on_them(self):
+        scene = self.folder.parent / "cushion.toml"
+        scene.write_text("""
+dt_ms = 2
+[[object]]
+name = "table"
+kind = "plane"
+[[object]]
+name = "cushion"
+kind = "box"
+size_mm = [24, 24, 12]
+position_mm = [60, 0, 6]
+soft = { young_kPa = 10, elements = 300, fixed = "bottom" }
+[[finger]]
+name = "index"
+elements = 120
+track = [ { t_s = 0, position_mm = [60, 0, 20] }, { t_s = 0.04, position_mm = [60, 0, 17] } ]
+""")
+        command = [PROGRAM, "run", str(scene), "--duration", "0.06", "--out", str(self.folder), "--stream", "-", "--stream-samples"]
+        ran = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        self.assertEqual(0, ran.returncode, ran.stderr)
+        lines = [json.loads(line) for line in ran.stdout.splitlines()]
+        table, cushion = lines[-1]["objects"]
+        self.assertEqual([0, 0, 0], table["force"])
+        self.assertNotIn("samples", table)
+        self.assertLess(cushion["force"][2], -0.02)
+        for d in range(3):
+            self.assertAlmostEqual(-lines[-1]["fingers"][0]["force"][d], cushion["force"][d], places=12)
+            self.assertAlmostEqual(sum(f[d] for f in cushion["samples"]["forces"]), cushion["force"][d], places=6)
+        before, after = (line["objects"][1]["samples"]["positions"] for line in (lines[0], lines[-1]))
+        self.assertEqual(len(before), len(after))
+        self.assertGreater(max(abs(b[2] - a[2]) for a, b in zip(after, before)), 1e-4)
+
     def test_who_does_not_read_does_not_slow_the_steps(self):
         begin = time.monotonic()
         ran = subprocess.Popen(self.command("--stream", "-", "--stream-samples", duration="2"), stdout=subprocess.PIPE)

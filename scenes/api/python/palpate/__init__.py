@@ -11,8 +11,9 @@ finger's or object's own frame to the world. Arrays are read-only views of palpa
 copy what you want to keep. One thread at a time steps a world; poses may be set, and snapshots read, from any thread.
 """
 from ._library import BusyError, Error, SceneError, library
+from ._parts import Finger, Object, Thimble
 from ._vector import Vector, vector
-from ._worlds import Finger, Object, Thimble, World, build, load, load_text, replay
+from ._worlds import World, build, load, load_text, replay
 
 __version__ = library.palpate_version().decode()
 __all__ = ["load", "load_text", "build", "replay", "vector", "World", "Finger", "Object", "Thimble", "Vector", "Error",

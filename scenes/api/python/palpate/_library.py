@@ -2,6 +2,7 @@
 import ctypes
 import os
 import pathlib
+from operator import index
 
 from ctypes import POINTER, c_char_p, c_double, c_int32, c_int64, c_void_p
 
@@ -79,6 +80,8 @@ class ObjectDef(Struct):
     _fields_ = [
         ("size", c_int32), ("shape", c_int32), ("name", c_char_p), ("file", c_char_p), ("dimensions", c_double * 3),
         ("pose", c_double * 7), ("friction", c_double), ("stiffness", c_double), ("mass", c_double),
+        ("young_modulus", c_double), ("poisson", c_double), ("fixed", c_char_p),
+        ("fixed_depth", c_double), ("elements", c_int32), ("reserved", c_int32),
     ]  # fmt: skip
 
 
@@ -116,7 +119,7 @@ class FingerState(Struct):
 class ObjectState(Struct):
     _fields_ = [
         ("size", c_int32), ("moves", c_int32), ("pose", c_double * 7), ("velocity", c_double * 3), ("spin", c_double * 3),
-        ("force", c_double * 3), ("torque", c_double * 3),
+        ("force", c_double * 3), ("torque", c_double * 3), ("contact_area", c_double), ("soft", c_int32), ("touching", c_int32),
     ]  # fmt: skip
 
 
@@ -192,3 +195,28 @@ class Handle:
 
     def __del__(self):
         library.palpate_destroy(self.id)
+
+
+def text_for_c(text):
+    """For C: None where there is none."""
+    text = "" if text is None else str(text)
+    if "\0" in text:
+        raise ValueError(f"a text for palpate has no zero in it, found {text[:80]!r}")
+    return text.encode() if text else None
+
+
+def whole(name, value):
+    """A whole number that fits; ctypes would cut it down to 32 bits."""
+    value = index(value)
+    if abs(value) >= 2**31:
+        raise ValueError(f"{name}: {value} is far too many")
+    return value
+
+
+Seven = c_double * 7
+
+
+def numbers_of_pose(pose):
+    if len(pose) != 7:
+        raise ValueError(f"a pose is 7 numbers: position x y z [m], rotation w x y z; found {len(pose)}")
+    return Seven(*pose)

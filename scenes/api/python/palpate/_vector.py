@@ -2,7 +2,8 @@
 import numpy
 
 from ._library import check, library
-from ._worlds import _BONES, _CONTACT_AREAS, _NET, _OBJECT_MOTIONS, _OBJECT_POSES, _TORQUES, World, load
+from ._parts import _BONES, _CONTACT_AREAS, _NET, _OBJECT_MOTIONS, _OBJECT_POSES, _TORQUES
+from ._worlds import World, load
 
 
 class Vector:

@@ -1,26 +1,26 @@
-"""Worlds, and what is in them."""
+"""Worlds."""
 import ctypes
 from operator import index
 
 import numpy
 
 from . import _library
-from ._library import Error, check, library
+from ._library import check, library, numbers_of_pose, text_for_c, whole
+from ._parts import (_BONES, _BY_OBJECT, _CENTRES, _CONFIGURATION, _CONTACT_AREAS, _NET, _OBJECT_FORCES, _OBJECT_MOTIONS, _OBJECT_POSES,
+                     _POSITIONS, _REACHED, _SOFT, _STRETCHES, _TORQUES, _TRACKED, Finger, Object, Thimble, _Named)  # fmt: skip
 from ._pictures import page
 
-_POSITIONS, _FORCES, _TOUCHES, _PRESSURES, _AREAS, _FACES, _SAMPLE_NODES, _NODES, _REST_NODES, _TETRAHEDRA = range(10)
-_STRETCHES, _CONFIGURATION, _WANTED, _SENT, _REACHED, _BONES, _TRACKED, _NET, _TORQUES, _CENTRES = range(10, 20)
-_CONTACT_AREAS, _OBJECT_POSES, _OBJECT_MOTIONS = range(20, 23)
 _SCENE, _WARNINGS, _SETTINGS, _FOLDER, _FINGER, _OBJECT, _THIMBLE, _FILE, _REPORT = range(9)
 _MOST_STEPS = 1000000
+_AT_ONCE = 64  # steps of one call: Python hears of signals between calls
 _NUMBERS = [(ctypes.c_double, numpy.float64), (ctypes.c_int32, numpy.int32), (ctypes.c_uint8, numpy.uint8)]
 
 
 def _definition(settings, threads, folder=None):
     if hasattr(settings, "items"):
         settings = [f"{key}={value}" for key, value in settings.items()]
-    texts = [_bytes(s) for s in ([settings] if isinstance(settings, str) else settings)]
-    definition = _library.WorldDef(threads=_whole("threads", threads), setting_count=len(texts), folder=_bytes(folder))
+    texts = [text_for_c(s) for s in ([settings] if isinstance(settings, str) else settings)]
+    definition = _library.WorldDef(threads=whole("threads", threads), setting_count=len(texts), folder=text_for_c(folder))
     definition.settings = (ctypes.c_char_p * max(1, len(texts)))(*texts)
     return definition
 
@@ -36,12 +36,12 @@ def load(scene, settings=(), threads=1):
 
     settings: texts such as "solver.preset=balanced", or a dictionary of them; threads: that a step uses, 0 for as many as the machine has.
     """
-    return _made(library.palpate_load, _bytes(scene), _definition(settings, threads))
+    return _made(library.palpate_load, text_for_c(scene), _definition(settings, threads))
 
 
 def load_text(text, settings=(), threads=1, folder=None):
     """A world from the text of a scene (TOML); `folder` is where the files that it names are."""
-    return _made(library.palpate_load_text, _bytes(text), _definition(settings, threads, folder))
+    return _made(library.palpate_load_text, text_for_c(text), _definition(settings, threads, folder))
 
 
 def build(fingers, objects=(), dt=0.001, gravity=(0, 0, -9.81), preset="balanced", more="", settings=(), threads=1):
@@ -61,254 +61,36 @@ def build(fingers, objects=(), dt=0.001, gravity=(0, 0, -9.81), preset="balanced
     scene.fingers = (_library.FingerDef * max(1, len(fingers)))(*fingers)
     scene.objects = (_library.ObjectDef * max(1, len(objects)))(*objects)
     scene.dt, scene.gravity = dt, tuple(gravity)
-    scene.preset, scene.more = _bytes(preset), _bytes(more)
+    scene.preset, scene.more = text_for_c(preset), text_for_c(more)
     return _made(library.palpate_build, scene, _definition(settings, threads))
 
 
-def _bytes(text):
-    """For C: None where there is none."""
-    text = "" if text is None else str(text)
-    if "\0" in text:
-        raise ValueError(f"a text for palpate has no zero in it, found {text[:80]!r}")
-    return text.encode() if text else None
-
-
-def _whole(name, value):
-    """A whole number that fits; ctypes would cut it down to 32 bits."""
-    value = index(value)
-    if abs(value) >= 2**31:
-        raise ValueError(f"{name}: {value} is far too many")
-    return value
-
-
 def _finger_def(name=None, finger="index-median", pose=(0, 0, 0, 1, 0, 0, 0), elements=0, young_modulus=0, device=None, method=None):
-    return _library.FingerDef(name=_bytes(name), finger=_bytes(finger), device=_bytes(device), method=_bytes(method), elements=_whole("elements", elements),
-                              pose=_numbers_of_pose(pose), young_modulus=young_modulus)  # fmt: skip
+    return _library.FingerDef(name=text_for_c(name), finger=text_for_c(finger), device=text_for_c(device), method=text_for_c(method), elements=whole("elements", elements),
+                              pose=numbers_of_pose(pose), young_modulus=young_modulus)  # fmt: skip
 
 
 _SHAPES = ["plane", "box", "sphere", "capsule", "cylinder", "mesh"]
 
 
-def _object_def(shape, dimensions=(), name=None, pose=(0, 0, 0, 1, 0, 0, 0), friction=0, stiffness=0, mass=0, file=None):
+def _object_def(shape, dimensions=(), name=None, pose=(0, 0, 0, 1, 0, 0, 0), friction=0, stiffness=0, mass=0, file=None, young_modulus=0,
+                poisson=0, fixed="bottom", fixed_depth=0, elements=0):  # fmt: skip
     if shape not in _SHAPES:
         raise ValueError(f"there is no shape {shape!r}; there are: {', '.join(_SHAPES)}")
     numbers = [float(d) for d in dimensions]
     if len(numbers) > 3:
         raise ValueError(f"dimensions: edges x y z, or radius and length [m]; found {len(numbers)} numbers")
-    return _library.ObjectDef(shape=_SHAPES.index(shape), name=_bytes(name), friction=friction, file=_bytes(file), stiffness=stiffness,
-                              mass=mass, pose=_numbers_of_pose(pose), dimensions=tuple((numbers + [0, 0, 0])[:3]))  # fmt: skip
+    return _library.ObjectDef(shape=_SHAPES.index(shape), name=text_for_c(name), friction=friction, file=text_for_c(file), stiffness=stiffness,
+                              mass=mass, young_modulus=young_modulus, poisson=poisson, fixed=text_for_c(fixed), fixed_depth=fixed_depth,
+                              elements=whole("elements", elements), pose=numbers_of_pose(pose), dimensions=tuple((numbers + [0, 0, 0])[:3]))  # fmt: skip
 
 
 def replay(file, run=1, threads=1):
     """A world that goes through a recorded run again: step() takes what went in then. See World.replayed."""
-    return _made(library.palpate_load_replay, _bytes(file), _whole("run", run), _definition((), threads))
+    return _made(library.palpate_load_replay, text_for_c(file), whole("run", run), _definition((), threads))
 
 
-_Seven = ctypes.c_double * 7
-
-
-def _numbers_of_pose(pose):
-    if len(pose) != 7:
-        raise ValueError(f"a pose is 7 numbers: position x y z [m], rotation w x y z; found {len(pose)}")
-    return _Seven(*pose)
-
-
-class _Named:
-    """Finger, objects or thimbles, by name or number."""
-
-    def __init__(self, what, rows, names):
-        self._what, self._rows, self._names = what, rows, names
-
-    def __getitem__(self, key):
-        if isinstance(key, str):
-            if key not in self._names:
-                raise KeyError(f"there is no {self._what} {key!r}; there are: {', '.join(self._names)}")
-            return self._rows[self._names.index(key)]
-        return self._rows[key]
-
-    def __len__(self):
-        return len(self._rows)
-
-    def __iter__(self):
-        return iter(self._rows)
-
-    def __contains__(self, name):
-        return name in self._names
-
-    def keys(self):
-        """The names."""
-        return list(self._names)
-
-    def __repr__(self):
-        return f"<{len(self)} {self._what}s: {', '.join(self._names)}>"
-
-
-def _view(field, doc):
-    def get(self):
-        return self._world._view(field, self.index)
-
-    get.__doc__ = doc
-    return property(get)
-
-
-def _row(field, part, doc):
-    def get(self):
-        return self._world._view(field, -1)[self._at()][part]
-
-    get.__doc__ = doc
-    return property(get)
-
-
-class _Part:
-    """`index` is its id in palpate.h; what was removed raises Error."""
-
-    __slots__ = ("_world", "index", "name", "_row")  # a mistyped name is an error
-
-    def __init__(self, world, index, name, row):
-        self._world, self.index, self.name, self._row = world, index, name, row
-
-    def _at(self):
-        if self._row is None:
-            raise Error(-1, f"{self.name} has been removed")
-        return self._row
-
-
-class Finger(_Part):
-    """A finger of a world."""
-
-    __slots__ = ()
-
-    @property
-    def pose(self):
-        """Tracked pose [7]: the newest that was seen. Set it, and the finger follows that instead of its track from the
-        next step on; None: its tracker does not see it."""
-        return self._world._view(_TRACKED, -1)[self._at()]
-
-    @pose.setter
-    def pose(self, pose):
-        id = self._world._handle.id
-        if pose is None:
-            return check(library.palpate_set_finger_pose(id, self.index, None))
-        check(library.palpate_set_finger_pose(id, self.index, _numbers_of_pose(pose)))
-
-    def release(self):
-        """It follows its track again."""
-        check(library.palpate_release_finger(self._world._handle.id, self.index))
-
-    bone = _row(_BONES, slice(None), "Pose of its bone [7].")
-    force = _row(_NET, slice(None), "Net contact force on the skin [3], world [N].")
-    torque = _row(_TORQUES, slice(None), "Torque of its contact forces about the bone's origin [3], world [N m].")
-    centre = _row(_CENTRES, slice(None), "Centre of pressure [3], world [m]; NaN where nothing pushes.")
-    area = _row(_CONTACT_AREAS, (), "Contact area [m^2].")
-    positions = _view(_POSITIONS, "Places of its samples [S, 3], world [m].")
-    forces = _view(_FORCES, "Contact forces on its samples [S, 3], world [N].")
-    touches = _view(_TOUCHES, "1 for each sample that is pushed [S].")
-    pressures = _view(_PRESSURES, "Contact pressure by sample [S], [Pa].")
-    areas = _view(_AREAS, "Share of each sample in the surface at rest [S], [m^2].")
-    faces = _view(_FACES, "Triangles of the pad [F, 3], samples, outward.")
-    sample_nodes = _view(_SAMPLE_NODES, "Node of each sample [S].")
-    nodes = _view(_NODES, "All nodes [N, 3], world [m].")
-    rest_nodes = _view(_REST_NODES, "All nodes at rest [N, 3], finger frame [m].")
-    tetrahedra = _view(_TETRAHEDRA, "Nodes of each tetrahedron [E, 4].")
-    stretches = _view(_STRETCHES, "Smallest and largest principal stretch of each tetrahedron [E, 2].")
-
-    @property
-    def state(self):
-        """What the last step did: see PalpateFingerState in palpate.h (converged, residual, iterations, ...)."""
-        state = _library.FingerState()
-        check(library.palpate_get_finger(self._world._handle.id, self.index, ctypes.byref(state)))
-        return state
-
-    def snapshot(self):
-        """From any thread: (state, positions [S, 3], forces [S, 3]) of the newest step, as copies. The world's owner calls
-        world.keep_snapshots() before."""
-        state, count = _library.FingerState(), ctypes.c_int32()
-        id = self._world._handle.id
-        check(library.palpate_read_snapshot(id, self.index, ctypes.byref(state), None, None, 0, ctypes.byref(count)))
-        positions, forces = numpy.empty((count.value, 3)), numpy.empty((count.value, 3))
-        check(library.palpate_read_snapshot(id, self.index, ctypes.byref(state), positions.ctypes.data, forces.ctypes.data,
-                                            count, None))  # fmt: skip
-        return state, positions, forces
-
-    @property
-    def thimble(self):
-        """The simulated thimble that it wears; None where it wears none. Set it to the name of a kind, or to None."""
-        return next((t for t in self._world.thimbles if t.state.finger == self.index), None)
-
-    @thimble.setter
-    def thimble(self, kind):
-        check(library.palpate_set_thimble(self._world._handle.id, self.index, _bytes(kind), None))
-        self._world._take_parts()
-
-    def remove(self):
-        """Takes it out of the world. Arrays of it stay as they are."""
-        check(library.palpate_remove_finger(self._world._handle.id, self.index))
-        self._world._take_parts()
-
-    def __repr__(self):
-        x, y, z = self.force
-        return f"<finger {self.name}: {x:.3f} {y:.3f} {z:.3f} N on {1e6 * self.area:.1f} mm2>"
-
-
-class Object(_Part):
-    """An object of a world."""
-
-    __slots__ = ()
-
-    @property
-    def pose(self):
-        """Pose [7]. Set it where no forces move the object, and it goes there in the next step."""
-        return self._world._view(_OBJECT_POSES, -1)[self._at()]
-
-    @pose.setter
-    def pose(self, pose):
-        check(library.palpate_set_object_pose(self._world._handle.id, self.index, _numbers_of_pose(pose)))
-
-    def release(self):
-        """It stays, or follows its track, again."""
-        check(library.palpate_release_object(self._world._handle.id, self.index))
-
-    def remove(self):
-        """Takes it out of the world."""
-        check(library.palpate_remove_object(self._world._handle.id, self.index))
-        self._world._take_parts()
-
-    velocity = _row(_OBJECT_MOTIONS, slice(0, 3), "Velocity of its centre of mass [3], [m/s].")
-    spin = _row(_OBJECT_MOTIONS, slice(3, 6), "Angular velocity [3], world [rad/s].")
-
-    @property
-    def state(self):
-        """See PalpateObjectState in palpate.h: moves, pose, velocity, spin, force, torque."""
-        state = _library.ObjectState()
-        check(library.palpate_get_object(self._world._handle.id, self.index, ctypes.byref(state)))
-        return state
-
-    def __repr__(self):
-        x, y, z = 1e3 * self.pose[:3]
-        return f"<object {self.name} at {x:.2f} {y:.2f} {z:.2f} mm>"
-
-
-class Thimble(_Part):
-    """A simulated thimble of a world."""
-
-    __slots__ = ()
-
-    kind = property(lambda self: self.name, doc="Of its device.")
-
-    configuration = _view(_CONFIGURATION, "Its configuration [C], [rad or m].")
-    wanted = _view(_WANTED, "Joint angles of the newest match [J], [rad].")
-    sent = _view(_SENT, "Joint angles sent, in range and slew-limited [J], [rad].")
-    reached = _view(_REACHED, "Joint angles that its servos have reached [J], [rad].")
-
-    @property
-    def state(self):
-        """See PalpateThimbleState in palpate.h."""
-        state = _library.ThimbleState()
-        check(library.palpate_get_thimble(self._world._handle.id, self.index, ctypes.byref(state)))
-        return state
-
-    def __repr__(self):
-        return f"<thimble {self.kind}: {numpy.degrees(self.sent).round(1)} degrees>"
+_OWN_FIELDS = [range(_POSITIONS, _STRETCHES + 1), range(_SOFT, _SOFT + _STRETCHES + 1), range(_CONFIGURATION, _REACHED + 1)]
 
 
 class World:
@@ -323,7 +105,7 @@ class World:
 
     def _take_parts(self):
         """What there is now. Views of the world are asked for anew, those of what stays keep their places."""
-        self._views = {key: view for key, view in self._views.items() if key[1] >= 0}
+        self._views = {key: view for key, view in self._views.items() if key[1] >= 0 and key[0] != _BY_OBJECT}
         kinds = [("finger", Finger, _FINGER), ("object", Object, _OBJECT), ("thimble", Thimble, _THIMBLE)]
         named = []
         for what, (label, kind, text) in enumerate(kinds):
@@ -334,10 +116,8 @@ class World:
             for id, part in before.items():
                 if id not in now:
                     part._row = None
-                    if what != 1:  # an array of fingers, or thimbles; objects have none
-                        fields = range(11) if what == 0 else range(11, 15)
-                        for field in fields:
-                            self._views.pop((field, id), None)
+                    for field in _OWN_FIELDS[what]:
+                        self._views.pop((field, id), None)
             self._parts[what] = now
             named.append(_Named(label, list(now.values()), [part.name for part in now.values()]))
         self.fingers, self.objects, self.thimbles = named
@@ -380,16 +160,23 @@ class World:
         return self._views.setdefault((field, index), array)
 
     def step(self, n=1):
-        """n steps."""
+        """n steps. An interrupt (Ctrl-C) ends them early, between two steps."""
         n = index(n)
         if abs(n) > _MOST_STEPS:
             raise ValueError(f"expected 1 to {_MOST_STEPS} steps at once, found {n}: step in parts")
+        while n > _AT_ONCE:
+            check(library.palpate_step(self._handle.id, _AT_ONCE))
+            n -= _AT_ONCE
         code = library.palpate_step(self._handle.id, n)
         if code:
             check(code)
 
     def step_to(self, time):
-        """Steps until the simulated time [s] is reached to half a step."""
+        """Steps until the simulated time [s] is reached to half a step. An interrupt (Ctrl-C) ends them early."""
+        info = self._info()
+        left = (time - info.time) / info.dt
+        if _AT_ONCE < left <= _MOST_STEPS:
+            self.step(round(left) - 1)
         check(library.palpate_step_to(self._handle.id, time))
 
     bones = property(lambda self: self._view(_BONES, -1), doc="Bone poses [fingers, 7].")
@@ -399,6 +186,7 @@ class World:
     centres = property(lambda self: self._view(_CENTRES, -1), doc="Centres of pressure [fingers, 3], [m].")
     areas = property(lambda self: self._view(_CONTACT_AREAS, -1), doc="Contact areas [fingers], [m^2].")
     object_poses = property(lambda self: self._view(_OBJECT_POSES, -1), doc="Poses of objects [objects, 7].")
+    object_forces = property(lambda self: self._view(_OBJECT_FORCES, -1), doc="Forces on objects [objects, 3], world [N]: see Object.force.")
     object_motions = property(lambda self: self._view(_OBJECT_MOTIONS, -1), doc="Velocities, angular velocities [objects, 6].")
 
     time = property(lambda self: self._info().time, doc="Simulated time [s].")
@@ -412,7 +200,7 @@ class World:
 
     def set(self, *settings):
         """Changes settings while it runs: world.set("finger.index.material.young_kPa=40")."""
-        texts = [_bytes(s) for s in settings]
+        texts = [text_for_c(s) for s in settings]
         check(library.palpate_set(self._handle.id, (ctypes.c_char_p * max(1, len(texts)))(*texts), len(texts)))
 
     def add_finger(self, name=None, finger="index-median", pose=(0, 0, 0, 1, 0, 0, 0), elements=0, young_modulus=0,
@@ -424,11 +212,14 @@ class World:
         self._take_parts()
         return self._parts[0][id.value]
 
-    def add_object(self, shape, dimensions=(), name=None, pose=(0, 0, 0, 1, 0, 0, 0), friction=0, stiffness=0, mass=0, file=None):
+    def add_object(self, shape, dimensions=(), name=None, pose=(0, 0, 0, 1, 0, 0, 0), friction=0, stiffness=0, mass=0, file=None,
+                   young_modulus=0, poisson=0, fixed="bottom", fixed_depth=0, elements=0):  # fmt: skip
         """An object more. shape: plane, box, sphere, capsule, cylinder or mesh; dimensions: edges x y z, or radius and length
         [m]; friction: Coulomb coefficient; stiffness: pressure per depth [Pa/m], 0 is rigid; mass: forces move it [kg], 0 is
-        fixed. Returns it."""
-        definition, id = _object_def(shape, dimensions, name, pose, friction, stiffness, mass, file), ctypes.c_int32()
+        fixed; young_modulus [Pa]: it is tissue of so many elements, held at its side
+        `fixed`, fixed_depth deep [m]. Returns it."""
+        definition, id = _object_def(shape, dimensions, name, pose, friction, stiffness, mass, file, young_modulus, poisson, fixed,
+                                     fixed_depth, elements), ctypes.c_int32()
         check(library.palpate_add_object(self._handle.id, ctypes.byref(definition), ctypes.byref(id)))
         self._take_parts()
         return self._parts[1][id.value]
@@ -477,7 +268,7 @@ class World:
 
     def record(self, file):
         """From the first step on everything is recorded into a file, which `palpate replay` and palpate.replay read."""
-        check(library.palpate_record(self._handle.id, _bytes(file)))
+        check(library.palpate_record(self._handle.id, text_for_c(file)))
 
     def end_recording(self):
         """Ends the recording in order."""

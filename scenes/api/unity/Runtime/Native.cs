@@ -40,6 +40,8 @@ namespace Palpate
         [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Spin;
         [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Force;
         [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Torque;
+        public double ContactArea;
+        public int Soft, Touching;
     }
 
     [StructLayout(LayoutKind.Sequential)]
@@ -93,6 +95,14 @@ namespace Palpate
         public double[] Pose = { 0, 0, 0, 1, 0, 0, 0 };
         /// <summary>Coulomb coefficient; pressure on skin per depth [Pa/m], 0: rigid; mass [kg], 0: forces do not move it.</summary>
         public double Friction, Stiffness, Mass;
+        /// <summary>Of tissue: Young's modulus [Pa], 0: rigid; Poisson's ratio, 0: as palpate has it.</summary>
+        public double YoungModulus, Poisson;
+        /// <summary>Side of the tissue that is held.</summary>
+        public string Fixed = "bottom";
+        /// <summary>What lies that near to this side is held, too [m].</summary>
+        public double FixedDepth;
+        /// <summary>Tetrahedra wanted of the tissue; 0: as palpate has it.</summary>
+        public int Elements;
     }
 
     /// <summary>What World.List lists, as PALPATE_FINGERS and on.</summary>
@@ -180,7 +190,10 @@ namespace Palpate
             public IntPtr Name, File;
             [MarshalAs(UnmanagedType.ByValArray, SizeConst = 3)] public double[] Dimensions;
             [MarshalAs(UnmanagedType.ByValArray, SizeConst = 7)] public double[] Pose;
-            public double Friction, Stiffness, Mass;
+            public double Friction, Stiffness, Mass, YoungModulus, Poisson;
+            public IntPtr Fixed;
+            public double FixedDepth;
+            public int Elements, Reserved;
 
             internal ObjectDef(ObjectOptions from, Pins pins)
             {
@@ -196,6 +209,12 @@ namespace Palpate
                 Friction = from.Friction;
                 Stiffness = from.Stiffness;
                 Mass = from.Mass;
+                YoungModulus = from.YoungModulus;
+                Poisson = from.Poisson;
+                Fixed = pins.Text(from.Fixed);
+                FixedDepth = from.FixedDepth;
+                Elements = from.Elements;
+                Reserved = 0;
             }
         }
 

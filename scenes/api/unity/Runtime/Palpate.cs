@@ -21,7 +21,8 @@ namespace Palpate
     {
         Positions, Forces, Touches, Pressures, Areas, Faces, SampleNodes, Nodes, RestNodes, Tetrahedra, Stretches,
         Configuration, JointsWanted, JointsSent, JointsReached, BonePoses, TrackedPoses, NetForces, NetTorques, Centres,
-        ContactAreas, ObjectPoses, ObjectMotions
+        ContactAreas, ObjectPoses, ObjectMotions, ObjectForces, ForcesByObject, SoftPositions, SoftForces, SoftTouches,
+        SoftPressures, SoftAreas, SoftFaces, SoftSampleNodes, SoftNodes, SoftRestNodes, SoftTetrahedra, SoftStretches
     }
 
     /// <summary>Between palpate (right-handed, z up) and Unity (left-handed, y up): y and z change places.</summary>
