@@ -159,6 +159,7 @@ int32_t palpate_clone(PalpateWorld world, PalpateWorld* clone) {
         auto other =
             std::make_unique<Session>(make_simulation(Scene(session->simulation->scene), session->threads, false));
         other->settings = session->settings;
+        other->templates = session->templates;
         other->threads = session->threads;
         std::string why;
         if (!restore_state(*other->simulation, session->state.data(), session->state.size(), why))

@@ -1,5 +1,6 @@
 // Hostile calls of libpalpate.so: an error code each time, never a crash.
 
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstring>
@@ -17,13 +18,23 @@ struct Chance {
     std::mt19937 random{7};
     std::vector<PalpateWorld> worlds;
 
+    std::array<PalpateWorld, 4> copies{};  ///< freed and made anew
+    void keep(PalpateWorld made) {
+        PalpateWorld& place = copies[std::size_t(below(4))];
+        palpate_destroy(place);
+        place = made;
+    }
+    ~Chance() {
+        for (PalpateWorld w : copies) palpate_destroy(w);
+    }
+
     int below(int n) { return int(random() % unsigned(n)); }
     PalpateWorld world() {
         switch (below(6)) {
             case 0:
                 return std::int64_t(random()) << 32 | random();
             case 1:
-                return std::int64_t(below(5)) - 2;
+                return below(2) ? std::int64_t(below(5)) - 2 : copies[std::size_t(below(4))];
             default:
                 return worlds[std::size_t(below(int(worlds.size())))];
         }
@@ -77,7 +88,8 @@ std::int32_t look(Chance& c, int which, PalpateWorld w, std::int32_t i) {
         case 6: {
             PalpateView v{};
             v.size = c.below(4) ? int(sizeof v) : i;
-            result = palpate_view(w, c.below(30) - 3, i, c.below(9) && v.size <= int(sizeof v) ? &v : nullptr);
+            result = palpate_view(w, c.below(PALPATE_FIELD_COUNT + 6) - 3, i,
+                                  c.below(9) && v.size <= int(sizeof v) ? &v : nullptr);
             break;
         }
         case 7: {
@@ -139,7 +151,7 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
     switch (which) {
         case 18: {
             const char* const settings[] = {nullptr, "nonsense"};
-            result = c.below(200) ? PALPATE_OK : palpate_set(w, c.below(2) ? settings : nullptr, i);
+            result = palpate_set(w, c.below(2) ? settings : nullptr, i);
             break;
         }
         case 19: {
@@ -153,6 +165,7 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
             palpate_default_object_def(&def, sizeof def);
             def.shape = c.below(8) - 1;
             def.name = c.below(2) ? "table" : nullptr;
+            if (c.below(3) == 0) def.young_modulus = c.number(), def.fixed_depth = c.number(), def.elements = 30;
             std::copy(numbers, numbers + 3, def.dimensions);
             std::copy(numbers, numbers + 7, def.pose);
             if (c.below(3)) def.size = i;
@@ -162,7 +175,7 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
         case 21: {
             PalpateFingerDef def;
             palpate_default_finger_def(&def, sizeof def);
-            def.elements = 60;
+            def.elements = 120;  // its mesh is there: another one would take most of the time
             def.device = c.below(2) ? "no such kind" : nullptr;
             std::copy(numbers, numbers + 7, def.pose);
             if (c.below(3)) def.size = i;
@@ -194,14 +207,82 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
     return result;
 }
 
+/// Whole worlds: made from what is wrong, copied, saved, put back, recorded, freed while others hold their ids.
+std::int32_t make(Chance& c, int which, PalpateWorld w, std::int32_t i) {
+    static std::vector<char> state(200000);
+    static std::int64_t size = 0;
+    PalpateWorld made = 0;
+    std::int32_t result = PALPATE_OK;
+    switch (which) {
+        case 27:
+            if (c.below(200) == 0 && (result = palpate_clone(w, &made)) == PALPATE_OK) c.keep(made);
+            if (c.below(4) == 0) result = palpate_clone(w, nullptr);
+            break;
+        case 28:  // of a copy, so that one world goes on to the end; whoever has its id finds nothing from then on
+            result = c.below(20) ? palpate_get_info(w, nullptr) : palpate_destroy(c.copies[std::size_t(c.below(4))]);
+            break;
+        case 29:
+            if (c.below(20) == 0)
+                result = palpate_save(w, state.data(), std::int64_t(state.size()), &size);
+            else
+                result = palpate_save(w, c.below(3) ? state.data() : nullptr, std::min(i, 200000),
+                                      c.below(2) ? &made : nullptr);
+            break;
+        case 30: {  // cut short, or with a bit turned round
+            if (c.below(10)) return palpate_restore(w, c.below(9) ? state.data() : nullptr, std::min(i, 200000));
+            char& bit = state[std::size_t(c.below(int(std::max<std::int64_t>(1, size))))];
+            const char was = bit;
+            if (c.below(2)) bit = char(bit ^ (1 << c.below(8)));
+            result = palpate_restore(w, state.data(), size);
+            bit = was;
+            break;
+        }
+        case 31: {
+            // None has a finger: to mesh one takes most of the time.
+            static const char* const texts[] = {"",
+                                                "[[fingers]]",
+                                                "dt_ms = nan",
+                                                "[[object]]\nkind = \"box\"",
+                                                "\xff\xfe",
+                                                "duration_s = 7\nsolver = -1",
+                                                "[[[["};
+            PalpateWorldDef def;
+            palpate_default_world_def(&def, sizeof def);
+            if (c.below(3) == 0) def.threads = i;
+            if (c.below(3) == 0) def.setting_count = i;
+            result = palpate_load_text(c.below(8) ? texts[c.below(7)] : nullptr, c.below(2) ? &def : nullptr,
+                                       c.below(9) ? &made : nullptr);
+            break;
+        }
+        case 32: {
+            PalpateSceneDef def;
+            palpate_default_scene_def(&def, sizeof def);
+            def.dt = c.number(), def.gravity[1] = c.number();
+            def.finger_count = std::min(i, 0), def.object_count = c.below(2) ? i : 0;
+            if (c.below(3) == 0) def.more = "[[finger";
+            result = palpate_build(c.below(9) ? &def : nullptr, nullptr, c.below(9) ? &made : nullptr);
+            break;
+        }
+        case 33:
+            result = c.below(2) ? palpate_load_replay(c.below(2) ? "/dev/null" : nullptr, i, nullptr, &made)
+                                : palpate_record(w, c.below(2) ? "/no such folder/run" : nullptr);
+            break;
+        default:
+            result = palpate_get_info(w, nullptr);
+            break;
+    }
+    return result;
+}
+
 /// One call at random; true where it said how it went in the way that all do.
 bool random_call(Chance& c) {
     const PalpateWorld w = c.world();
     const std::int32_t i = c.index();
-    const int which = c.below(27);
+    const int which = c.below(34);
     const std::int32_t result = which < 6    ? steer(c, which, w, i)
                                 : which < 18 ? look(c, which, w, i)
-                                             : change(c, which, w, i);
+                                : which < 27 ? change(c, which, w, i)
+                                             : make(c, which, w, i);
     return result == PALPATE_OK || (result < 0 && result > PALPATE_ERROR_INTERNAL && *palpate_last_error());
 }
 
@@ -210,7 +291,16 @@ TEST(Api, RandomCallsGiveCodes) {
     const long calls = given ? std::atol(given) : 20000;
     Chance chance;
     Held world, freed;
-    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();
+    // A soft object and a thimble, so that every field is there.
+    const std::string scene = std::string(small_scene) + R"(device = { kind = "chinello-3rrs" }
+[[object]]
+name = "pad"
+kind = "box"
+size_mm = [12, 12, 6]
+position_mm = [-60, 0, 3]
+soft = { young_kPa = 10, elements = 40, fixed = "bottom" }
+)";
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(scene.c_str(), nullptr, &world.id)) << palpate_last_error();
     ASSERT_EQ(PALPATE_OK, palpate_clone(world, &freed.id)) << palpate_last_error();
     ASSERT_EQ(PALPATE_OK, palpate_destroy(freed));
     EXPECT_EQ(PALPATE_ERROR_WORLD, palpate_destroy(freed));
