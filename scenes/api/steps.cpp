@@ -262,6 +262,9 @@ int32_t palpate_save(PalpateWorld world, void* buffer, int64_t capacity, int64_t
             state.insert(state.end(), kind, kind + sizeof input->taken_kind);
             state.insert(state.end(), pose, pose + sizeof input->taken);
         }
+        const std::uint64_t sum = checksum(state.data(), state.size());
+        const auto* sum_bytes = reinterpret_cast<const std::uint8_t*>(&sum);
+        state.insert(state.end(), sum_bytes, sum_bytes + sizeof sum);
         append_state(state, *session->simulation);
         const auto size = std::int64_t(state.size());
         if (needed) *needed = size;
@@ -286,9 +289,16 @@ int32_t palpate_restore(PalpateWorld world, const void* bytes, int64_t size) {
         constexpr std::size_t one = sizeof(std::int64_t) + sizeof(Pose<double>);
         const std::size_t inputs = one * (session->fingers.ids.size() + session->objects.ids.size());
         const auto* p = static_cast<const std::uint8_t*>(bytes);
-        if (std::size_t(size) < inputs) return fail(PALPATE_ERROR_SCENE, "these bytes are no saved state");
+        std::uint64_t sum = 0;
+        const std::size_t before = inputs + sizeof sum;
+        if (std::size_t(size) < before) return fail(PALPATE_ERROR_SCENE, "these bytes are no saved state");
+        std::memcpy(&sum, p + inputs, sizeof sum);
+        if (sum != checksum(p, inputs))
+            return fail(
+                PALPATE_ERROR_SCENE,
+                "these bytes are no saved state, one with other fingers or objects than there are now, or damaged");
         std::string why;
-        if (!restore_state(*session->simulation, p + inputs, std::size_t(size) - inputs, why))
+        if (!restore_state(*session->simulation, p + before, std::size_t(size) - before, why))
             return fail(PALPATE_ERROR_SCENE, why);
         for (PoseInput* input : inputs_of(*session)) {
             std::int64_t kind = 0;

@@ -11,9 +11,10 @@ namespace {
 
 constexpr std::uint64_t magic = 0x3165746174736c70;  // "plstate1"
 
-/// Of eight bytes at a time.
-std::uint64_t checksum(const std::uint8_t* bytes, std::size_t size, std::uint64_t sum = 1469598103934665603ull) {
-    std::uint64_t word = 0;
+}  // namespace
+
+std::uint64_t checksum(const std::uint8_t* bytes, std::size_t size) {  // FNV-1a, of eight bytes at a time
+    std::uint64_t sum = 1469598103934665603ull, word = 0;
     for (std::size_t i = 0; i < size; i += 8) {
         word = 0;
         std::memcpy(&word, bytes + i, std::min<std::size_t>(8, size - i));
@@ -22,6 +23,8 @@ std::uint64_t checksum(const std::uint8_t* bytes, std::size_t size, std::uint64_
     }
     return (sum ^ size) * 1099511628211ull;
 }
+
+namespace {
 
 /// Both directions are one text: `Writer` and `Reader` have the same calls.
 class Writer {

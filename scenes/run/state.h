@@ -10,6 +10,9 @@
 
 namespace palpate {
 
+/// By which damage is found.
+std::uint64_t checksum(const std::uint8_t* bytes, std::size_t size);
+
 /// Appends everything that outlives a step. Thimbles on real controllers and live hands are not part of it.
 void append_state(std::vector<std::uint8_t>& out, Simulation& simulation);
 

@@ -224,6 +224,30 @@ class Palpate(unittest.TestCase):
             numpy.testing.assert_array_equal(expected, other.fingers[0].nodes)
         self.assertEqual(["finger.index.material.young_kPa=20"], others[1].settings)
 
+    def test_damaged_states_are_refused(self):
+        world = palpate.load_text(SMALL)
+        world.fingers[0].pose = [0, 0, 0.007, 1, 0, 0, 0]
+        world.step(20)
+        before, state = world.fingers[0].nodes.copy(), bytearray(world.save())
+        places = [*range(0, 140, 3), *range(140, len(state), max(1, len(state) // 100))]  # poses that were set, and the rest
+        for place in places:
+            state[place] ^= 1
+            with self.assertRaises(palpate.SceneError, msg=f"byte {place}"):
+                world.restore(bytes(state))
+            state[place] ^= 1
+        self.assertTrue((before == world.fingers[0].nodes).all())
+        world.restore(bytes(state))
+
+    def test_a_vector_says_where_its_worlds_have_changed(self):
+        task = palpate.vector(palpate.load_text(SMALL), 2)
+        task.step()
+        task.worlds[0].add_object("sphere", [0.01], pose=[0.2, 0, 0.1, 1, 0, 0, 0])
+        with self.assertRaisesRegex(palpate.Error, "another vector"):
+            task.step()
+        for wrong in ({"substeps": 0}, {"substeps": 2**32 + 1}, {"horizon": 0}, {"n": 0}):
+            with self.assertRaises(ValueError, msg=wrong):
+                palpate.vector(task.worlds[1], **{"n": 1, **wrong})
+
     def test_settings_change_while_it_runs(self):
         world = palpate.load_text(SMALL)
         world.step(90)

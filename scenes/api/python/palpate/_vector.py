@@ -1,7 +1,7 @@
 """Many worlds that are stepped together."""
 import numpy
 
-from ._library import check, library
+from ._library import Error, check, library, whole
 from ._parts import _BONES, _CONTACT_AREAS, _NET, _OBJECT_MOTIONS, _OBJECT_POSES, _TORQUES
 from ._worlds import World, load
 
@@ -19,6 +19,8 @@ class Vector:
         the scene's duration."""
         if n < 1:
             raise ValueError(f"n: one world at least, found {n}")
+        if not 1 <= whole("substeps", substeps) <= 1000000 or horizon is not None and whole("horizon", horizon) < 1:
+            raise ValueError(f"expected 1 to 1000000 substeps and a horizon of 1 or more, found {substeps} and {horizon}")
         first = scene if isinstance(scene, World) else load(scene, settings)
         self.worlds = [first] + [first.copy() for _ in range(n - 1)]
         self.n, self.substeps = n, substeps
@@ -39,8 +41,11 @@ class Vector:
             self._sources.append((slice(at, at + width * rows), views))
             at += width * rows
         self.observations = numpy.zeros((n, self.observation_size))
+        self._changes = [w._changes for w in self.worlds]
 
     def _observe(self):
+        if [w._changes for w in self.worlds] != self._changes:
+            raise Error(-6, "fingers, objects or thimbles of a world have come or gone: make another vector of it")
         for part, views in self._sources:
             if part.start != part.stop:
                 numpy.stack(views, out=self.observations[:, part])

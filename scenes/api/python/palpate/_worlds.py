@@ -96,15 +96,16 @@ _OWN_FIELDS = [range(_POSITIONS, _STRETCHES + 1), range(_SOFT, _SOFT + _STRETCHE
 class World:
     """A scene that is being run; made by load, load_text, build, replay or copy."""
 
-    __slots__ = ("_handle", "_views", "_parts", "fingers", "objects", "thimbles", "__weakref__")  # a mistyped name is an error
+    __slots__ = ("_handle", "_views", "_parts", "_changes", "fingers", "objects", "thimbles", "__weakref__")  # a mistyped name is an error
 
     def __init__(self, handle):
         self._handle, self._views = handle, {}
-        self._parts = [{}, {}, {}]
+        self._parts, self._changes = [{}, {}, {}], 0
         self._take_parts()
 
     def _take_parts(self):
         """What there is now. Views of the world are asked for anew, those of what stays keep their places."""
+        self._changes += 1
         self._views = {key: view for key, view in self._views.items() if key[1] >= 0 and key[0] != _BY_OBJECT}
         kinds = [("finger", Finger, _FINGER), ("object", Object, _OBJECT), ("thimble", Thimble, _THIMBLE)]
         named = []
