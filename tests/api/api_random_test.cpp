@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <random>
 #include <sstream>
 #include <thread>
@@ -13,20 +14,26 @@
 
 namespace {
 
+/// Worlds that are freed and made anew, of all threads.
+struct Copies {
+    std::array<std::atomic<PalpateWorld>, 4> worlds{};
+    ~Copies() {
+        for (PalpateWorld w : worlds) palpate_destroy(w);
+    }
+};
+/// Even while another thread is in a call of it.
+void free_copy(PalpateWorld w) {
+    while (palpate_destroy(w) == PALPATE_ERROR_BUSY) std::this_thread::yield();
+}
+
 /// Numbers that nobody should pass.
 struct Chance {
     std::mt19937 random{7};
     std::vector<PalpateWorld> worlds;
 
-    std::array<PalpateWorld, 4> copies{};  ///< freed and made anew
-    void keep(PalpateWorld made) {
-        PalpateWorld& place = copies[std::size_t(below(4))];
-        palpate_destroy(place);
-        place = made;
-    }
-    ~Chance() {
-        for (PalpateWorld w : copies) palpate_destroy(w);
-    }
+    std::shared_ptr<Copies> copies = std::make_shared<Copies>();
+    PalpateWorld copy() { return copies->worlds[std::size_t(below(4))]; }
+    void keep(PalpateWorld made) { free_copy(copies->worlds[std::size_t(below(4))].exchange(made)); }
 
     int below(int n) { return int(random() % unsigned(n)); }
     PalpateWorld world() {
@@ -34,7 +41,7 @@ struct Chance {
             case 0:
                 return std::int64_t(random()) << 32 | random();
             case 1:
-                return below(2) ? std::int64_t(below(5)) - 2 : copies[std::size_t(below(4))];
+                return below(2) ? std::int64_t(below(5)) - 2 : copy();
             default:
                 return worlds[std::size_t(below(int(worlds.size())))];
         }
@@ -80,7 +87,7 @@ std::int32_t steer(Chance& c, int which, PalpateWorld w, std::int32_t i) {
 
 /// Views, states, texts.
 std::int32_t look(Chance& c, int which, PalpateWorld w, std::int32_t i) {
-    static std::vector<double> room(100000);
+    thread_local std::vector<double> room(100000);
     std::int32_t result = PALPATE_OK, found = 0;
     std::int64_t needed = 0;
     char text[300];
@@ -209,8 +216,8 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
 
 /// Whole worlds: made from what is wrong, copied, saved, put back, recorded, freed while others hold their ids.
 std::int32_t make(Chance& c, int which, PalpateWorld w, std::int32_t i) {
-    static std::vector<char> state(200000);
-    static std::int64_t size = 0;
+    thread_local std::vector<char> state(1000000);
+    thread_local std::int64_t size = 0;
     PalpateWorld made = 0;
     std::int32_t result = PALPATE_OK;
     switch (which) {
@@ -219,17 +226,17 @@ std::int32_t make(Chance& c, int which, PalpateWorld w, std::int32_t i) {
             if (c.below(4) == 0) result = palpate_clone(w, nullptr);
             break;
         case 28:  // of a copy, so that one world goes on to the end; whoever has its id finds nothing from then on
-            result = c.below(20) ? palpate_get_info(w, nullptr) : palpate_destroy(c.copies[std::size_t(c.below(4))]);
+            result = c.below(20) ? palpate_get_info(w, nullptr) : palpate_destroy(c.copy());
             break;
         case 29:
             if (c.below(20) == 0)
-                result = palpate_save(w, state.data(), std::int64_t(state.size()), &size);
+                size = (result = palpate_save(w, state.data(), std::int64_t(state.size()), &size)) ? 0 : size;
             else
-                result = palpate_save(w, c.below(3) ? state.data() : nullptr, std::min(i, 200000),
+                result = palpate_save(w, c.below(3) ? state.data() : nullptr, std::min(i, 1000000),
                                       c.below(2) ? &made : nullptr);
             break;
         case 30: {  // cut short, or with a bit turned round
-            if (c.below(10)) return palpate_restore(w, c.below(9) ? state.data() : nullptr, std::min(i, 200000));
+            if (c.below(10)) return palpate_restore(w, c.below(9) ? state.data() : nullptr, std::min(i, 1000000));
             char& bit = state[std::size_t(c.below(int(std::max<std::int64_t>(1, size))))];
             const char was = bit;
             if (c.below(2)) bit = char(bit ^ (1 << c.below(8)));
@@ -286,13 +293,17 @@ bool random_call(Chance& c) {
     return result == PALPATE_OK || (result < 0 && result > PALPATE_ERROR_INTERNAL && *palpate_last_error());
 }
 
-TEST(Api, RandomCallsGiveCodes) {
+long calls_wanted() {
     const char* given = std::getenv("PALPATE_API_CALLS");
-    const long calls = given ? std::atol(given) : 20000;
-    Chance chance;
-    Held world, freed;
-    // A soft object and a thimble, so that every field is there.
-    const std::string scene = std::string(small_scene) + R"(device = { kind = "chinello-3rrs" }
+    return given ? std::atol(given) : 20000;
+}
+
+/// A small world of all kinds of things, and a freed one.
+class RandomCalls : public ::testing::Test {
+  protected:
+    void SetUp() override {
+        // A soft object and a thimble, so that every field is there.
+        const std::string scene = std::string(small_scene) + R"(device = { kind = "chinello-3rrs" }
 [[object]]
 name = "pad"
 kind = "box"
@@ -300,13 +311,35 @@ size_mm = [12, 12, 6]
 position_mm = [-60, 0, 3]
 soft = { young_kPa = 10, elements = 40, fixed = "bottom" }
 )";
-    ASSERT_EQ(PALPATE_OK, palpate_load_text(scene.c_str(), nullptr, &world.id)) << palpate_last_error();
-    ASSERT_EQ(PALPATE_OK, palpate_clone(world, &freed.id)) << palpate_last_error();
-    ASSERT_EQ(PALPATE_OK, palpate_destroy(freed));
-    EXPECT_EQ(PALPATE_ERROR_WORLD, palpate_destroy(freed));
-    chance.worlds = {world, world, world, freed, 0};
+        ASSERT_EQ(PALPATE_OK, palpate_load_text(scene.c_str(), nullptr, &world.id)) << palpate_last_error();
+        ASSERT_EQ(PALPATE_OK, palpate_clone(world, &freed.id)) << palpate_last_error();
+        ASSERT_EQ(PALPATE_OK, palpate_destroy(freed));
+        EXPECT_EQ(PALPATE_ERROR_WORLD, palpate_destroy(freed));
+        chance.worlds = {world, world, world, freed, 0};
+    }
+    void TearDown() override { EXPECT_EQ(PALPATE_OK, palpate_step(world, 1)) << palpate_last_error(); }
+
+    Chance chance;
+    Held world, freed;
+};
+
+TEST_F(RandomCalls, GiveCodes) {
+    const long calls = calls_wanted();
     for (long k = 0; k < calls; ++k) ASSERT_TRUE(random_call(chance)) << "call " << k << ": " << palpate_last_error();
-    EXPECT_EQ(PALPATE_OK, palpate_step(world, 1)) << palpate_last_error();
+}
+
+TEST_F(RandomCalls, GiveCodesToSeveralThreadsOfTheSameWorlds) {
+    const long calls = calls_wanted() / 4;
+    std::atomic<int> wrong{0};
+    std::vector<std::thread> threads;
+    for (unsigned seed = 1; seed <= 4; ++seed)
+        threads.emplace_back([&, seed] {
+            Chance own = chance;  // the copies are shared
+            own.random.seed(seed);
+            for (long k = 0; k < calls; ++k) wrong += !random_call(own);
+        });
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(0, wrong);
 }
 
 }  // namespace
