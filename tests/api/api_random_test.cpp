@@ -32,8 +32,17 @@ struct Chance {
     std::vector<PalpateWorld> worlds;
 
     std::shared_ptr<Copies> copies = std::make_shared<Copies>();
+    std::array<std::pair<PalpateWorld, std::int32_t>, 2> fingers{}, objects{};  ///< that were added, of some world
     PalpateWorld copy() { return copies->worlds[std::size_t(below(4))]; }
     void keep(PalpateWorld made) { free_copy(copies->worlds[std::size_t(below(4))].exchange(made)); }
+
+    /// Worlds do not grow for ever: who comes takes the place of another one.
+    template <class Parts, class Remove>
+    void instead_of(Parts& parts, const typename Parts::value_type& added, Remove remove) {
+        auto& place = parts[std::size_t(below(int(parts.size())))];
+        if (place.first != 0) remove(place.first, place.second);
+        place = added;
+    }
 
     int below(int n) { return int(random() % unsigned(n)); }
     PalpateWorld world() {
@@ -56,6 +65,9 @@ struct Chance {
     }
 };
 
+/// Steps that take no time to speak of.
+std::int32_t few(std::int32_t n) { return n == 100 ? 3 : n; }
+
 /// Poses and steps.
 std::int32_t steer(Chance& c, int which, PalpateWorld w, std::int32_t i) {
     double numbers[7];
@@ -76,7 +88,7 @@ std::int32_t steer(Chance& c, int which, PalpateWorld w, std::int32_t i) {
             result = palpate_release_object(w, i);
             break;
         case 4:
-            result = palpate_step(w, c.below(40) ? (c.below(2) ? i : INT32_MAX) : 1);
+            result = palpate_step(w, c.below(40) ? (c.below(2) ? few(i) : INT32_MAX) : 1);
             break;
         default:
             result = palpate_step_to(w, c.below(10) ? NAN : 1e300);
@@ -141,7 +153,7 @@ std::int32_t look(Chance& c, int which, PalpateWorld w, std::int32_t i) {
             result = palpate_restore(w, c.below(4) ? room.data() : nullptr, c.below(2) ? 1000 : i);
             break;
         case 16:
-            result = palpate_step_many(&w, c.below(3) ? 1 : i == INT32_MAX || i <= 0 ? i : 1, c.below(9) ? i : 1);
+            result = palpate_step_many(&w, c.below(3) ? 1 : i == INT32_MAX || i <= 0 ? i : 1, c.below(9) ? few(i) : 1);
             break;
         default:
             result = palpate_get_replay(w, nullptr);
@@ -177,6 +189,7 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
             std::copy(numbers, numbers + 7, def.pose);
             if (c.below(3)) def.size = i;
             result = palpate_add_object(w, c.below(6) && c.below(300) ? nullptr : &def, c.below(3) ? &found : nullptr);
+            if (result == PALPATE_OK) c.instead_of(c.objects, {w, found}, palpate_remove_object);
             break;
         }
         case 21: {
@@ -187,6 +200,7 @@ std::int32_t change(Chance& c, int which, PalpateWorld w, std::int32_t i) {
             std::copy(numbers, numbers + 7, def.pose);
             if (c.below(3)) def.size = i;
             result = palpate_add_finger(w, c.below(6) && c.below(300) ? nullptr : &def, c.below(3) ? &found : nullptr);
+            if (result == PALPATE_OK) c.instead_of(c.fingers, {w, found}, palpate_remove_finger);
             break;
         }
         case 22:
