@@ -67,14 +67,10 @@ Triangles tilted_plane(const RigidShape& o, Colour colour, const Vector3d& near)
 
 }  // namespace
 
-double round_up(double x) {
-    if (!(x > 0)) return 1;
-    const double power = std::pow(10, std::floor(std::log10(x))), m = x / power;
-    return power * (m <= 1 ? 1 : m <= 2 ? 2 : m <= 5 ? 5 : 10);
-}
-
 Painter::Painter(const Simulation& s, PictureSettings settings) : settings_(settings) {
     for (const HandParts& parts : hands_of(s.scene)) hands_.emplace_back(s, parts);
+    if (settings_.scales.most == 0) settings_.scales = scales_of(s, nullptr);
+    if (s.scene.scale_force > 0) most_force_ = s.scene.scale_force;
 }
 
 void Painter::choose_camera(const Simulation& s) {
@@ -287,19 +283,22 @@ void Painter::paint_pads(const Simulation& s, Image& image, int top, int height)
     const int left = (image.width - cell * count) / 2;
     for (int f = 0; f < count; ++f) {
         const EntityId finger = s.fingers[std::size_t(f)];
+        const double own = peak_of(s.world, finger) > 0 ? 0 : most_;
         paint_pad(image, s.world, finger,
                   {left + f * cell, top, cell, height, s.scene.spec.fingers[std::size_t(f)].name,
-                   peak_of(s.world, finger) > 0 ? 0 : most_, settings_.dark, settings_.samples});
+                   settings_.scales.pads.empty() ? own : settings_.scales.pads[std::size_t(f)], settings_.dark, settings_.samples});
     }
 }
 
 Image Painter::paint(const Simulation& s) {
     const Look& look = look_of(settings_.dark);
-    // Scales grow, and never shrink, so that pictures of one run compare.
+    // Scales that nobody has fixed grow, and never shrink, so that pictures of one run compare.
     for (const EntityId finger : s.fingers) {
         most_ = std::max(most_, round_up(std::max(1000.0, peak_of(s.world, finger))));
-        most_force_ = std::max(most_force_, s.world.contact_surfaces.find(finger)->normal_force);
+        if (s.scene.scale_force <= 0)
+            most_force_ = std::max(most_force_, s.world.contact_surfaces.find(finger)->normal_force);
     }
+    if (settings_.scales.most > 0) most_ = settings_.scales.most;
     choose_camera(s);
     Image image(settings_.width, settings_.height, look.air);
     const int pads = settings_.pads ? std::min(200, settings_.height / 3) : 0;

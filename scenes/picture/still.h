@@ -2,6 +2,7 @@
 // A moment of a run as a picture: the scene with its hand, objects, floor and forces, and below it each finger's pad
 // seen from its contact side.
 
+#include "scenes/picture/scales.h"
 #include "scenes/picture/scene_triangles.h"
 
 namespace palpate {
@@ -10,6 +11,7 @@ struct PictureSettings {
     int width = 900, height = 620;
     bool hand = true, thimbles = true, pads = true, title = true, dark = false;
     int samples = 2;  ///< per pixel and direction
+    PictureScales scales{};
 };
 
 /// Where a pad is drawn, and how.
@@ -47,8 +49,5 @@ class Painter {
     std::vector<double> floors_;
     std::vector<std::array<int, 4>> names_;
 };
-
-/// A number that reads well, not below x: 1, 2 or 5 times a power of ten.
-double round_up(double x);
 
 }  // namespace palpate

@@ -30,9 +30,11 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
                 const std::atomic<bool>& stop) {
     const RecordedRun& run = recording.runs[number];
     ReportRecorder report;
+    PressureScales scales;
     std::optional<Video> video;
     if (!a.video.empty()) video.emplace(a.video, PictureSettings{});
     const Replay replay = replay_run(run, a.file, a.threads, stop, [&](const Simulation& s) {
+        scales.record(s);
         if (!a.report.empty()) report.record(s);
         if (video) video->record(s);
     });
@@ -48,12 +50,14 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
                     which.c_str(), run.steps.size() - replay.steps);
     if (results || !a.report.empty()) {
         const Summary summary = summarise(s);
+        PictureSettings picture;
+        picture.scales = scales_of(s, &scales);
         if (results) {
             const std::filesystem::path folder = folder_of_run(results->part(), recording, number);
             std::filesystem::create_directories(folder);
-            write_results(folder, s, summary);
+            write_results(folder, s, summary, picture);
         }
-        if (!a.report.empty()) report.write(a.report, s, summary);
+        if (!a.report.empty()) report.write(a.report, s, summary, picture.scales);
     }
     if (video) std::printf("%s\n", video->finish().c_str());
     return !replay.difference;

@@ -137,6 +137,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (simulation.live && !a.quiet && !a.json)
         std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
     ReportRecorder report;
+    PressureScales scales;
     PictureSettings picture;
     picture.hand = !a.no_hand;
     std::optional<Video> video;
@@ -165,6 +166,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         [&](const StepInputs& inputs, double share) {
             if (a.arm) rearm_key.look(simulation);
             if (dead_man) obey_dead_man(*dead_man, simulation);
+            scales.record(simulation);
             if (!a.report.empty()) report.record(simulation);
             if (record) record->record(inputs, simulation);
             if (video) video->record(simulation);
@@ -186,10 +188,11 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
     tables.finish(simulation);
+    picture.scales = scales_of(simulation, &scales);
     write_results(results.part(), simulation, summary, picture, true);
     if (pads) pads->finish(simulation);
     const std::vector<std::string> replaced = results.finish();
-    if (!a.report.empty()) report.write(a.report, simulation, summary);
+    if (!a.report.empty()) report.write(a.report, simulation, summary, picture.scales);
     if (simulation.live && !a.quiet && !a.json) std::printf("%s\n", to_text(simulation.live->mailbox.counts()).c_str());
     tell_results(a, summary, results, folder, replaced);
     if (video) {

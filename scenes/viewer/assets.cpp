@@ -18,6 +18,8 @@ PALPATE_ASSET(palpate_mechanism, PALPATE_VIEWER_DIR "/mechanism.js")
 PALPATE_ASSET(palpate_names, PALPATE_VIEWER_DIR "/names.js")
 PALPATE_ASSET(palpate_pads, PALPATE_VIEWER_DIR "/pads.js")
 PALPATE_ASSET(palpate_keys, PALPATE_VIEWER_DIR "/keys.js")
+PALPATE_ASSET(palpate_detail, PALPATE_VIEWER_DIR "/detail.js")
+PALPATE_ASSET(palpate_shadow, PALPATE_VIEWER_DIR "/shadow.js")
 PALPATE_ASSET(palpate_view, PALPATE_VIEWER_DIR "/view.js")
 PALPATE_ASSET(palpate_three, PALPATE_THREE_DIR "/three.min.js")
 PALPATE_ASSET(palpate_orbit, PALPATE_THREE_DIR "/examples/js/controls/OrbitControls.js")
@@ -35,6 +37,8 @@ std::string_view mechanism() { return {palpate_mechanism_begin, palpate_mechanis
 std::string_view names() { return {palpate_names_begin, palpate_names_end}; }
 std::string_view pads() { return {palpate_pads_begin, palpate_pads_end}; }
 std::string_view keys() { return {palpate_keys_begin, palpate_keys_end}; }
+std::string_view detail() { return {palpate_detail_begin, palpate_detail_end}; }
+std::string_view shadow() { return {palpate_shadow_begin, palpate_shadow_end}; }
 std::string_view view() { return {palpate_view_begin, palpate_view_end}; }
 std::string_view three() { return {palpate_three_begin, palpate_three_end}; }
 std::string_view orbit_controls() { return {palpate_orbit_begin, palpate_orbit_end}; }

@@ -9,7 +9,9 @@ std::string_view page();            ///< page.html, with marks for the others
 std::string_view frames();          ///< frames.js
 std::string_view plots();           ///< plots.js
 std::string_view scene();           ///< scene.js
+std::string_view detail();          ///< detail.js
 std::string_view skin();            ///< skin.js
+std::string_view shadow();          ///< shadow.js
 std::string_view surroundings();    ///< surroundings.js
 std::string_view hand();            ///< hand.js
 std::string_view mechanism();       ///< mechanism.js

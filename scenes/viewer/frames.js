@@ -85,19 +85,22 @@ const quantities = {
 for (const q of Object.values(quantities)) { q.most = q.least; q.peaks = []; }
 /** The scale of each finger's own pad: pressure [kPa] alone. */
 const pad_scales = stage.fingers.map(() => ({ least: 1, most: 1, peaks: [] }));
+let pressure_fixed = null;  // by a person [kPa]: of all fingers, the same
 /** Not below x, and reads well: 1, 2 or 5 times a power of ten. */
 function roundUp(x) {
   const power = Math.pow(10, Math.floor(Math.log10(x) + 1e-9)), m = x / power;
   return power * (m <= 1.000001 ? 1 : m <= 2 ? 2 : m <= 5 ? 5 : 10);
 }
-/** Scales end where 19 of 20 frames with contact have their peak: single spikes do not wash out the rest. */
+/** Scales end where the scene or the run's pictures have their end, else where 19 of 20 frames with contact have their
+    peak: single spikes do not wash out the rest. */
 function fitScales() {
   for (const q of [...Object.values(quantities), ...pad_scales]) {
     const peaks = q.peaks.filter(peak => peak > q.least).sort((a, b) => a - b);
-    if (peaks.length > 0) q.most = peaks[Math.floor(0.95 * (peaks.length - 1))];
+    if (peaks.length > 0) q.most = roundUp(peaks[Math.floor(0.95 * (peaks.length - 1))]);
     if (q.peaks.length > 20000) q.peaks.splice(0, 10000);
   }
-  for (const scale of pad_scales) scale.most = roundUp(scale.most);
+  quantities.pressure.most = pressure_fixed || stage.pressure_kPa || quantities.pressure.most;
+  pad_scales.forEach((scale, k) => { scale.most = pressure_fixed || stage.fingers[k].pressure_kPa || scale.most; });
 }
 // From skin over red and purple to nearly black: lightness falls evenly, so that it reads without seeing colours.
 const skin_colours = [[236, 196, 172], [244, 143, 98], [222, 78, 88], [164, 38, 104], [98, 18, 104], [38, 8, 60]];

@@ -82,7 +82,8 @@ by('keys').innerHTML = '<h2>Keys</h2><table>' + key_actions.map(([key, what]) =>
 by('help').onclick = () => { by('keys').hidden = !by('keys').hidden; };
 window.addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || /^(SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
-  if (event.target.tagName === 'INPUT' && event.key.startsWith('Arrow')) return;
+  if (event.target.tagName === 'INPUT' && (event.target.type === 'number' || event.key.startsWith('Arrow'))) return;
+  if (/^(INPUT|BUTTON|SUMMARY)$/.test(event.target.tagName) && event.target.type !== 'range' && /^( |Enter)$/.test(event.key)) return;
   const finger = Number(event.key) - 1;
   const action = finger >= 0 && finger < stage.fingers.length ? () => look(finger)
     : (key_actions.find(([key]) => key === event.key) || [])[2];

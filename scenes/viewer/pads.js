@@ -43,10 +43,10 @@ const pads = stage.fingers.map((finger, k) => {
   cell.world.add(skin.mesh, edge.lines, halo.lines, cross.lines);
   return { ...cell, skin, edge, halo, cross };
 });
-const felt_pads = stage.thimbles.map(thimble => {
+const felt_pads = stage.thimbles.map((thimble, k) => {
   const cell = padCell('felt', thimble.finger), skin = skinOf(stage.fingers[thimble.finger]), disk = rimOf(thimble, 0.25);
   cell.world.add(skin.group, disk);
-  return { ...cell, skin, disk };
+  return { ...cell, thimble: k, skin, disk };
 });
 
 /** Edge of the touched area: pairs of points where pressure falls to a level. */
@@ -79,34 +79,36 @@ function centreOfPressure(f, samples) {
 /** "R thumb" for "right thumb" where there is little room. */
 function shortName(name, width) { return width < 84 ? name.replace(/^(left|right) /, side => side[0].toUpperCase() + ' ') : name; }
 
-function showPads(frame) {
-  for (const pad of pads) {
-    const f = frame.fingers[pad.finger], { name, triangles, samples } = stage.fingers[pad.finger], { most } = pad_scales[pad.finger];
-    let peak = 0;
-    for (const p of f.pressure) peak = Math.max(peak, p);
-    pad.skin.paint(i => f.pressure[i]);
-    pad.skin.scale.most.value = most;
-    pad.edge.set(areaOutline(f, triangles, Math.max(0.3, 0.04 * peak)));
-    const c = centreOfPressure(f, samples);
-    const arms = (size, off) => c ? [c[0] - size, c[1] + off, c[2], c[0] + size, c[1] + off, c[2],
-      c[0] + off, c[1] - size, c[2], c[0] + off, c[1] + size, c[2]] : [];
-    pad.halo.set([...arms(1.8, 0.22), ...arms(1.8, -0.22)]);
-    pad.cross.set(arms(1.6, 0));
-    pad.numbers.textContent = f.force > 5e-4 ? `${f.force.toFixed(2)} N\n${(1e6 * f.area).toFixed(0)} mm²` : 'free';
-    pad.scale.textContent = `${most} kPa`;
-  }
-  frame.thimbles.forEach((t, k) => {
-    const felt = felt_pads[k];
-    felt.skin.show(t.felt.position, i => t.felt.pressure[i]);
-    felt.skin.scale.most.value = pad_scales[felt.finger].most;
-    place(felt.disk, t.pose);
-    felt.name.textContent = by('pads').checked ? 'feels' : `${stage.fingers[felt.finger].name} feels`;
-    felt.numbers.textContent = `${t.felt.force.toFixed(2)} N`;
-    felt.scale.textContent = `${pad_scales[felt.finger].most} kPa`;
-  });
+/** Brings a cell to what a frame has. */
+function showCell(cell, frame) {
+  const { most } = pad_scales[cell.finger], end = `${most} kPa`;
+  const numbers = cell.kind === 'pad' ? showPad(cell, frame.fingers[cell.finger], most) : showFelt(cell, frame.thimbles[cell.thimble], most);
+  if (cell.numbers.textContent !== numbers) cell.numbers.textContent = numbers;
+  if (cell.scale.textContent !== end) cell.scale.textContent = end;
+}
+function showPad(pad, f, most) {
+  const { triangles, samples } = stage.fingers[pad.finger];
+  let peak = 0;
+  for (const p of f.pressure) peak = Math.max(peak, p);
+  pad.skin.paint(i => f.pressure[i]);
+  pad.skin.scale.most.value = most;
+  pad.edge.set(areaOutline(f, triangles, Math.max(0.3, 0.04 * peak)));
+  const c = centreOfPressure(f, samples);
+  const arms = (size, off) => c ? [c[0] - size, c[1] + off, c[2], c[0] + size, c[1] + off, c[2],
+    c[0] + off, c[1] - size, c[2], c[0] + off, c[1] + size, c[2]] : [];
+  pad.halo.set([...arms(1.8, 0.22), ...arms(1.8, -0.22)]);
+  pad.cross.set(arms(1.6, 0));
+  return f.force > 5e-4 ? `${f.force.toFixed(2)} N\n${(1e6 * f.area).toFixed(0)} mm²` : 'free';
+}
+function showFelt(felt, t, most) {
+  felt.skin.show(t.felt.position, i => t.felt.pressure[i]);
+  felt.skin.scale.most.value = most;
+  place(felt.disk, t.pose);
+  felt.name.textContent = by('pads').checked ? 'feels' : `${stage.fingers[felt.finger].name} feels`;
+  return `${t.felt.force.toFixed(2)} N`;
 }
 
-const least_side = 48, label_height = 66, gap = 6;
+const least_side = 62, label_height = 66, gap = 6;
 /** Cells in as few rows as leave them large enough to read; rows alike, an even number of columns where `pairs`. */
 function rowsOf(cells, pairs, width, height) {
   let best = null;
@@ -129,14 +131,26 @@ function padRows(width, height) {
   const rows = rowsOf(cells, both && felt_pads.length === pads.length, width, height);
   return both && !(rows.side >= least_side) ? rowsOf(pads, false, width, height) : rows;
 }
-/** Draws the cells below the scene by part(x, y from below, width, height, world, camera). */
-function drawPads(layout, width, part) {
-  for (const cell of [...pads, ...felt_pads]) cell.label.hidden = !layout.cells.includes(cell);
+let last_layout = '';
+/** Draws the cells of a frame below the scene, all or those whose turn it is, by part(x, y from below, width, height,
+    world, camera). */
+function drawPads(layout, width, frame, all, part) {
+  const { columns, side, row } = layout, wide = side + gap, left = (width - columns * wide + gap) / 2;
+  const here = k => [left + (k % columns) * wide, layout.height - row * Math.floor(k / columns) - side - 2];
+  const now = [width, side, layout.height, layout.cells.map(cell => cell.kind + cell.finger)].join();
+  if (now !== last_layout) {
+    last_layout = now;
+    for (const cell of [...pads, ...felt_pads]) cell.label.hidden = !layout.cells.includes(cell);
+    layout.cells.forEach((cell, k) => {
+      if (cell.kind === 'pad') cell.name.textContent = shortName(stage.fingers[cell.finger].name, side);
+      const [x, y] = here(k);
+      cell.label.classList.toggle('narrow', side < 84);
+      Object.assign(cell.label.style, { left: x + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 'px', height: (row - side - 6) + 'px' });
+    });
+  }
   layout.cells.forEach((cell, k) => {
-    if (cell.kind === 'pad') cell.name.textContent = shortName(stage.fingers[cell.finger].name, layout.side);
-    const { columns, side, row } = layout, wide = side + gap, left = (width - columns * wide + gap) / 2;
-    const x = left + (k % columns) * wide, y = layout.height - row * Math.floor(k / columns) - side - 2;
-    part(x, y, side, side, cell.world, pad_camera);
-    Object.assign(cell.label.style, { left: x + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 'px', height: (row - side - 6) + 'px' });
+    if (!all && !isTurn(k)) return;
+    showCell(cell, frame);
+    part(...here(k), side, side, cell.world, pad_camera);
   });
 }

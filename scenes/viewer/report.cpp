@@ -55,7 +55,9 @@ std::string page_with(const nlohmann::json& data) {
     replace(page, "/*ORBIT*/", assets::orbit_controls());
     replace(page, "/*FRAMES*/", assets::frames());
     replace(page, "/*PLOTS*/", assets::plots());
+    replace(page, "/*DETAIL*/", assets::detail());
     replace(page, "/*SKIN*/", assets::skin());
+    replace(page, "/*SHADOW*/", assets::shadow());
     replace(page, "/*SURROUNDINGS*/", assets::surroundings());
     replace(page, "/*SCENE*/", assets::scene());
     replace(page, "/*HAND*/", assets::hand());
@@ -68,19 +70,22 @@ std::string page_with(const nlohmann::json& data) {
     return page;
 }
 
-std::string ReportRecorder::page(const Simulation& s, const Summary& summary) const {
+std::string ReportRecorder::page(const Simulation& s, const Summary& summary, const PictureScales& scales) const {
     char about[200];
     std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %d frames shown (at most %.0f per second)",
                   s.world.time, 1e3 * s.world.solver.dt, count_, rate_);
-    return page_with({{"stage", stage_of(s)},
+    nlohmann::json stage = stage_of(s);
+    if (scales.most > 0) set_scales(stage, scales);
+    return page_with({{"stage", stage},
                       {"frames", base64(frames_)},
                       {"about", about},
                       {"summary", to_text(summary)},
                       {"scene", s.scene.text ? *s.scene.text : read_file(s.scene.file)}});
 }
 
-void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary) const {
-    write_file(path, page(s, summary));
+void ReportRecorder::write(const std::filesystem::path& path, const Simulation& s, const Summary& summary,
+                           const PictureScales& scales) const {
+    write_file(path, page(s, summary, scales));
 }
 
 }  // namespace palpate

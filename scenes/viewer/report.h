@@ -15,9 +15,10 @@ class ReportRecorder {
     /// Call after every step.
     void record(const Simulation& simulation);
     /// The page of all frames so far.
-    std::string page(const Simulation& simulation, const Summary& summary) const;
+    std::string page(const Simulation& simulation, const Summary& summary, const PictureScales& scales = {}) const;
     /// Throws InputError where the file cannot be written.
-    void write(const std::filesystem::path& path, const Simulation& simulation, const Summary& summary) const;
+    void write(const std::filesystem::path& path, const Simulation& simulation, const Summary& summary,
+               const PictureScales& scales = {}) const;
 
   private:
     double rate_, next_ = 0, longest_us_ = 0;

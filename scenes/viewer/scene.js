@@ -1,11 +1,6 @@
 'use strict';
 // The things of the scene in three dimensions, as the stage lists them. Lengths in millimetres.
 
-/** Whether pixels are drawn without a graphics card: then edges are smoothed only where the picture stands still. */
-const drawn_in_software = (() => {
-  const gl = document.createElement('canvas').getContext('webgl'), about = gl && gl.getExtension('WEBGL_debug_renderer_info');
-  return Boolean(about) && /swiftshader|llvmpipe|softpipe|software|basic render/i.test(gl.getParameter(about.UNMASKED_RENDERER_WEBGL));
-})();
 const renderer = new THREE.WebGLRenderer({ antialias: !drawn_in_software, preserveDrawingBuffer: true });
 by('stage').appendChild(renderer.domElement);
 const scene = new THREE.Scene();
@@ -25,31 +20,30 @@ function place(object, pose) {
 const air = dark ? '#1b2028' : '#eef1f5';
 renderer.setClearColor(air);
 scene.background = new THREE.Color(air);
-/** An arrow of a force; point(to, way) lets it end at a place. */
-function arrowOf() {
-  const arrow = new THREE.Group(), material = new THREE.MeshLambertMaterial({ color: dark ? '#cfd8e3' : '#1a1f29' });
-  const shaft = new THREE.Mesh(bar_shape, material);
-  const head = new THREE.Mesh(new THREE.CylinderBufferGeometry(0, 2.2, 4.5, 12).translate(0, -2.25, 0).rotateX(Math.PI / 2), material);
-  arrow.add(shaft, head);
-  arrow.point = (to, way) => {
-    const length = way.length(), along = way.clone().normalize(), size = Math.min(1, length / 9);
-    head.position.copy(to);
-    head.quaternion.setFromUnitVectors(z_axis, along);
-    head.scale.setScalar(size);
-    layBar(shaft, to.clone().sub(way), to.clone().addScaledVector(along, -4 * size), 0.9);
-  };
-  return arrow;
-}
+/** Arrows of forces: point(k, to, way) lets one end at a place. */
+const arrows = (() => {
+  const material = new THREE.MeshLambertMaterial({ color: dark ? '#cfd8e3' : '#1a1f29' }), count = stage.fingers.length;
+  const shafts = barsOf(material, count), heads = barsOf(material, count, new THREE.CylinderBufferGeometry(0, 1, 1, 12).rotateX(Math.PI / 2));
+  const neck = new THREE.Vector3(), from = new THREE.Vector3(), meshes = [shafts.mesh, heads.mesh];
+  function point(k, to, way) {
+    const length = way.length(), size = Math.min(1, length / 9);
+    neck.copy(to).addScaledVector(way, -4.5 * size / length);
+    shafts.lay(k, from.copy(to).sub(way), neck, 0.9);
+    heads.lay(k, neck, to, 2.2 * size);
+  }
+  return { meshes, point, hide: k => { shafts.hide(k); heads.hide(k); } };
+})();
+scene.add(...arrows.meshes);
 
 const fingers = stage.fingers.map(finger => {
   const skin = skinOf(finger);
   scene.add(skin.group);
-  const shape = new THREE.BufferGeometry(), arrow = arrowOf();
+  const shape = new THREE.BufferGeometry();
   shape.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6 * finger.samples.length), 3));
   const lines = new THREE.LineSegments(shape, new THREE.LineBasicMaterial({ color: '#b3261e', depthTest: false }));
   lines.frustumCulled = false;
-  scene.add(lines, arrow);
-  return { ...skin, lines, arrow };
+  scene.add(lines);
+  return { ...skin, lines };
 });
 
 const objects = stage.objects.map((object, k) => {
@@ -58,14 +52,15 @@ const objects = stage.objects.map((object, k) => {
   return group;
 });
 let ground = null;
+const floors = objects.filter((_, k) => stage.objects[k].kind === 'plane');
 const hands = stage.hands.map(hand => {
   const drawn = handOf(hand);
-  scene.add(drawn.group);
+  scene.add(drawn.mesh);
   return drawn;
 });
-const thimbles = stage.thimbles.map(thimble => {
-  const mechanism = mechanismOf(thimble);
-  scene.add(mechanism.holder);
+for (const { mesh } of Object.values(thimble_bars)) scene.add(mesh);
+const thimbles = stage.thimbles.map((thimble, k) => {
+  scene.add(mechanisms[k].rim);
   // Samples that touch: the object and the platform, the object alone, the platform alone.
   const dots = new THREE.BufferGeometry(), count = stage.fingers[thimble.finger].samples.length;
   dots.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
@@ -74,6 +69,12 @@ const thimbles = stage.thimbles.map(thimble => {
     { size: 7, sizeAttenuation: false, vertexColors: THREE.VertexColors, depthTest: false, transparent: true }));
   points.frustumCulled = false;
   scene.add(points);
-  return { ...mechanism, points };
+  return { ...mechanisms[k], points };
 });
 const touchColours = [[0, 0, 0], [0.85, 0.45, 0.05], [0.12, 0.44, 0.92], [0.1, 0.55, 0.2]];
+
+// What stands on the floor, in its shadow.
+for (const { mesh } of fingers) casts(mesh);
+for (const { mesh } of hands) casts(mesh);
+stage.objects.forEach((object, k) => { if (object.kind !== 'plane') casts(objects[k].children[0]); });
+for (const { mesh } of Object.values(thimble_bars)) casts(mesh);

@@ -2,23 +2,55 @@
 // Skin as one sees it: smooth between the nodes of its mesh, coloured by a field that is continuous over it. The mesh
 // itself is coarse, as the simulation's speed asks; only the picture is finer (Phong tessellation, Boubekeur & Alexa 2008).
 
-const rows_per_face = 3, towards_tangents = 0.75;
-/** Weights of a face's corners at the points of its lattice, and the small triangles between them. */
-const lattice = (() => {
-  const weights = [], triangles = [], number = {};
-  for (let i = 0; i <= rows_per_face; ++i)
-    for (let j = 0; i + j <= rows_per_face; ++j) {
-      number[i + ',' + j] = weights.length;
-      weights.push([1 - (i + j) / rows_per_face, i / rows_per_face, j / rows_per_face]);
+const towards_tangents = 0.75;
+/** Points between the nodes of a mesh, so many rows of small triangles in each face, those on an edge shared: each point's
+    three corners (the places of their coordinates) and weights, and the small triangles. */
+function latticeOf(triangles, rows) {
+  const number = new Map(), corners = [], weights = [], index = [];
+  function point(face, i, j) {
+    const parts = [[triangles[face], rows - i - j], [triangles[face + 1], i], [triangles[face + 2], j]];
+    const key = parts.filter(part => part[1] > 0).sort((a, b) => a[0] - b[0]).join();
+    if (!number.has(key)) {
+      number.set(key, corners.length / 3);
+      for (const [node, weight] of parts) corners.push(3 * node), weights.push(weight / rows);
     }
-  const at = (i, j) => number[i + ',' + j];
-  for (let i = 0; i < rows_per_face; ++i)
-    for (let j = 0; i + j < rows_per_face; ++j) {
-      triangles.push([at(i, j), at(i + 1, j), at(i, j + 1)]);
-      if (i + j + 1 < rows_per_face) triangles.push([at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+    return number.get(key);
+  }
+  for (let face = 0; face < triangles.length; face += 3)
+    for (let i = 0; i < rows; ++i)
+      for (let j = 0; i + j < rows; ++j) {
+        index.push(point(face, i, j), point(face, i + 1, j), point(face, i, j + 1));
+        if (i + j + 1 < rows) index.push(point(face, i + 1, j), point(face, i + 1, j + 1), point(face, i, j + 1));
+      }
+  return { count: corners.length / 3, corners: Int32Array.from(corners), weights: Float32Array.from(weights), index };
+}
+/** The smooth surface over a mesh's triangles: move(position, normal) of its nodes, mix(values of nodes, of points). */
+function surfaceOf(triangles, rows) {
+  const { count, corners, weights, index } = latticeOf(triangles, rows), order = new THREE.BufferGeometry();
+  order.setIndex(index);
+  const attribute = () => new THREE.BufferAttribute(new Float32Array(3 * count), 3), position = attribute(), normal = attribute();
+  function move(x, n) {
+    for (let k = 0; k < 3 * count; k += 3) {
+      const a = corners[k], b = corners[k + 1], c = corners[k + 2], u = weights[k], v = weights[k + 1], w = weights[k + 2];
+      const px = u * x[a] + v * x[b] + w * x[c], py = u * x[a + 1] + v * x[b + 1] + w * x[c + 1],
+        pz = u * x[a + 2] + v * x[b + 2] + w * x[c + 2];
+      normal.array[k] = u * n[a] + v * n[b] + w * n[c];
+      normal.array[k + 1] = u * n[a + 1] + v * n[b + 1] + w * n[c + 1];
+      normal.array[k + 2] = u * n[a + 2] + v * n[b + 2] + w * n[c + 2];
+      const off = i => towards_tangents * ((px - x[i]) * n[i] + (py - x[i + 1]) * n[i + 1] + (pz - x[i + 2]) * n[i + 2]);
+      const oa = u * off(a), ob = v * off(b), oc = w * off(c);
+      position.array[k] = px - oa * n[a] - ob * n[b] - oc * n[c];
+      position.array[k + 1] = py - oa * n[a + 1] - ob * n[b + 1] - oc * n[c + 1];
+      position.array[k + 2] = pz - oa * n[a + 2] - ob * n[b + 2] - oc * n[c + 2];
     }
-  return { weights, triangles };
-})();
+    position.needsUpdate = normal.needsUpdate = true;
+  }
+  function mix(from, to) {
+    for (let k = 0, at = 0; at < count; k += 3)
+      to[at++] = weights[k] * from[corners[k] / 3] + weights[k + 1] * from[corners[k + 1] / 3] + weights[k + 2] * from[corners[k + 2] / 3];
+  }
+  return { count, index: order.index, position, normal, move, mix };
+}
 
 /** Unit normals of a coarse mesh, weighted by area. */
 function normalsOf(position, triangles) {
@@ -56,77 +88,48 @@ function skinMaterial() {
   return material;
 }
 
-/** Skin of a finger; show(position [mm], value(node)) moves and colours it. */
+/** Skin of a finger; show(position [mm], value(node)) moves and colours it, as finely as is asked for then. */
 function skinOf(finger) {
-  const { triangles } = finger, faces = triangles.length / 3, per_face = lattice.weights.length;
-  const geometry = new THREE.BufferGeometry(), count = faces * per_face;
-  for (const [name, size] of [['position', 3], ['normal', 3], ['value', 1]])
-    geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(size * count), size));
-  const index = [];
-  for (let f = 0; f < faces; ++f)
-    for (const t of lattice.triangles) for (const corner of t) index.push(f * per_face + corner);
-  geometry.setIndex(index);
-  const material = skinMaterial(), mesh = new THREE.Mesh(geometry, material);
-  const lines = new THREE.BufferGeometry();
+  const { triangles } = finger, nodes = new Float32Array(finger.rest.length / 3), surfaces = {};
+  let surface = null;
+  /** The same shape once more, coloured by a field of its own. */
+  function twin() {
+    const material = skinMaterial(), mesh = new THREE.Mesh(new THREE.BufferGeometry(), material), shapes = new Map();
+    mesh.frustumCulled = false;
+    function shapeOf() {
+      const shape = new THREE.BufferGeometry();
+      shape.setIndex(surface.index);
+      shape.setAttribute('position', surface.position);
+      shape.setAttribute('normal', surface.normal);
+      shape.setAttribute('value', new THREE.BufferAttribute(new Float32Array(surface.count), 1));
+      return shape;
+    }
+    function paint(value) {
+      if (!surface) return;
+      if (!shapes.has(surface)) shapes.set(surface, shapeOf());
+      mesh.geometry = shapes.get(surface);
+      for (let i = 0; i < nodes.length; ++i) nodes[i] = value(i);
+      const { value: shown } = mesh.geometry.attributes;
+      surface.mix(nodes, shown.array);
+      shown.needsUpdate = true;
+    }
+    return { mesh, scale: material.scale, paint };
+  }
+  const coat = twin(), lines = new THREE.BufferGeometry();
   lines.setAttribute('position', new THREE.BufferAttribute(new Float32Array(finger.rest), 3));
   lines.setIndex(triangles);
   const edges = new THREE.Mesh(lines, new THREE.MeshBasicMaterial(
     { color: '#000', wireframe: true, transparent: true, opacity: 0.25 }));
-  edges.visible = false;
-  mesh.frustumCulled = edges.frustumCulled = false;
+  edges.visible = edges.frustumCulled = false;
   const group = new THREE.Group();
-  group.add(mesh, edges);
-
-  const at = geometry.attributes, weights = lattice.weights;
-  function paint(attribute, value) {
-    for (let f = 0, k = 0; f < faces; ++f) {
-      const a = value(triangles[3 * f]), b = value(triangles[3 * f + 1]), c = value(triangles[3 * f + 2]);
-      for (const w of weights) attribute.array[k++] = w[0] * a + w[1] * b + w[2] * c;
-    }
-    attribute.needsUpdate = true;
-  }
-  const linear = new Float32Array(3);
+  group.add(coat.mesh, edges);
   function show(position, value) {
-    const normal = normalsOf(position, triangles);
-    for (let f = 0, k = 0; f < faces; ++f) {
-      const corner = [3 * triangles[3 * f], 3 * triangles[3 * f + 1], 3 * triangles[3 * f + 2]];
-      for (const w of weights) {
-        for (let d = 0; d < 3; ++d) {
-          linear[d] = 0;
-          let n = 0;
-          for (let c = 0; c < 3; ++c) {
-            linear[d] += w[c] * position[corner[c] + d];
-            n += w[c] * normal[corner[c] + d];
-          }
-          at.normal.array[k + d] = n;
-        }
-        let x = linear[0], y = linear[1], z = linear[2];
-        for (let c = 0; c < 3; ++c) {
-          const i = corner[c];
-          const off = towards_tangents * w[c] * ((linear[0] - position[i]) * normal[i] + (linear[1] - position[i + 1]) *
-            normal[i + 1] + (linear[2] - position[i + 2]) * normal[i + 2]);
-          x -= off * normal[i]; y -= off * normal[i + 1]; z -= off * normal[i + 2];
-        }
-        at.position.array[k] = x; at.position.array[k + 1] = y; at.position.array[k + 2] = z;
-        k += 3;
-      }
-    }
-    at.position.needsUpdate = at.normal.needsUpdate = true;
-    paint(at.value, value);
+    surface = surfaces[detail.rows] || (surfaces[detail.rows] = surfaceOf(triangles, detail.rows));
+    surface.move(position, normalsOf(position, triangles));
+    coat.paint(value);
     if (!edges.visible) return;
     lines.attributes.position.array.set(position);
     lines.attributes.position.needsUpdate = true;
   }
-  /** The same shape, coloured by another field. */
-  function twin() {
-    const other = new THREE.BufferGeometry(), values = new THREE.BufferAttribute(new Float32Array(count), 1);
-    other.setAttribute('position', at.position);
-    other.setAttribute('normal', at.normal);
-    other.setAttribute('value', values);
-    other.setIndex(geometry.index);
-    const of_same_shape = new THREE.Mesh(other, skinMaterial());
-    of_same_shape.frustumCulled = false;
-    return { mesh: of_same_shape, scale: of_same_shape.material.scale, paint: value => paint(values, value) };
-  }
-  return { group, edges, show, twin, scale: material.scale };
+  return { group, edges, show, twin, mesh: coat.mesh, scale: coat.scale };
 }

@@ -163,6 +163,11 @@ nlohmann::json thimble_json(const Simulation& s, const Matching& m) {
 
 }  // namespace
 
+void set_scales(nlohmann::json& stage, const PictureScales& scales) {
+    stage["pressure_kPa"] = 1e-3 * scales.most;
+    for (std::size_t k = 0; k < scales.pads.size(); ++k) stage["fingers"][k]["pressure_kPa"] = 1e-3 * scales.pads[k];
+}
+
 nlohmann::json stage_of(const Simulation& s) {
     // As ShapeKind has them.
     static const char* const kinds[] = {"plane", "box", "sphere", "capsule", "cylinder", "mesh"};
@@ -177,7 +182,8 @@ nlohmann::json stage_of(const Simulation& s) {
         stage["objects"].push_back({{"name", o.name},
                                     {"kind", kinds[int(o.shape.kind)]},
                                     {"size", {o.shape.size.x, o.shape.size.y, o.shape.size.z}},
-                                    {"friction", o.friction}});
+                                    {"friction", o.friction},
+                                    {"gives_way", o.stiffness > 0 && o.soft < 0}});
         if (o.soft >= 0) {
             const nlohmann::json skin = finger_json(s.world.soft.all[std::size_t(o.soft)].skin);
             stage["objects"].back()["kind"] = "soft";
@@ -195,6 +201,8 @@ nlohmann::json stage_of(const Simulation& s) {
         stage["objects"].back()["triangles"] = triangles;
     }
     for (const Matching& m : s.world.matchings) stage["thimbles"].push_back(thimble_json(s, m));
+    if (const PictureScales fixed = scales_of(s, nullptr); fixed.most > 0) set_scales(stage, fixed);
+    if (s.scene.scale_force > 0) stage["force_N"] = s.scene.scale_force;
     stage["hand_skin"] = hand_skin_json();
     stage["hands"] = hands_json(s.scene);
     return stage;

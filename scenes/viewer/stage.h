@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
+#include "scenes/picture/scales.h"
 #include "scenes/run/simulation.h"
 #include "scenes/viewer/drawn_hands.h"
 #include "scenes/viewer/rendered_pads.h"
@@ -14,6 +15,9 @@ namespace palpate {
 /// Everything that does not change during a run: fingers with their skin's triangles and rest shape (bone frame),
 /// objects, thimbles with joint limits, hands (drawn_hands.h). Lengths in metres.
 nlohmann::json stage_of(const Simulation& simulation);
+
+/// Lets the page's scales end where those of pictures do.
+void set_scales(nlohmann::json& stage, const PictureScales& scales);
 
 /// Appends the state now, little-endian, in the stage's order: time f32; longest step since the last frame f32 [us];
 /// per finger: bone pose 7 f32, contact force and area f32, then per skin node x, y, z i16 [2 um, bone frame], pressure

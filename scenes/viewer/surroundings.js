@@ -5,13 +5,15 @@ const object_colours = ['#5b93c5', '#5fa377', '#8f8bc7', '#4f9aa3', '#8d97a6', '
 
 function geometryOf(object) {
   const s = object.size.map(x => 1e3 * x);
-  if (object.kind === 'box') return new THREE.BoxBufferGeometry(2 * s[0], 2 * s[1], 2 * s[2]);
+  const parts = object.gives_way ? 24 : 1;  // small enough for a dent
+  if (object.kind === 'box') return new THREE.BoxBufferGeometry(2 * s[0], 2 * s[1], 2 * s[2], parts, parts, parts);
   if (object.kind === 'sphere') return new THREE.SphereBufferGeometry(s[0], 48, 32);
   if (object.kind === 'mesh' || object.kind === 'soft') {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(object.vertices.map(x => 1e3 * x)), 3));
     geometry.setIndex(object.triangles);
     geometry.computeVertexNormals();
+    if (object.kind === 'soft') return geometry.toNonIndexed();
     return geometry;
   }
   const middle = new THREE.CylinderGeometry(s[0], s[0], 2 * s[1], 48).rotateX(Math.PI / 2);
@@ -20,28 +22,31 @@ function geometryOf(object) {
   return middle;
 }
 
-/** Contacts that nothing may hide, in view space: what lies between them and the eye is clear around them. */
+/** Contacts that nothing may hide, in view space, as a way from the eye and how far: what lies before one is clear around it. */
 const most_contacts = 24, clear_radius = 11;
-const contacts_in_view = { value: Array.from({ length: most_contacts }, () => new THREE.Vector3()) }, contact_count = { value: 0 };
+const contacts_in_view = { value: Array.from({ length: most_contacts }, () => new THREE.Vector4()) }, contact_count = { value: 0 };
 /** Of contacts, those whose pads face the eye: the others are behind their own fingers. */
 function showContacts(contacts, camera) {
   const seen = contacts.filter(({ at, force }) =>
     force.dot(camera.position.clone().sub(at).normalize()) < 0.25 * force.length()).slice(0, most_contacts);
   contact_count.value = seen.length;
-  seen.forEach(({ at }, k) => contacts_in_view.value[k].copy(at).applyMatrix4(camera.matrixWorldInverse));
+  seen.forEach(({ at }, k) => {
+    const there = at.clone().applyMatrix4(camera.matrixWorldInverse), far = there.length();
+    contacts_in_view.value[k].set(there.x / far, there.y / far, there.z / far, far);
+  });
 }
 function clearBeforeContacts(shader) {
   Object.assign(shader.uniforms, { contacts: contacts_in_view, contact_count });
   shader.vertexShader = 'varying vec3 in_view;\n' +
     shader.vertexShader.replace('#include <project_vertex>', '#include <project_vertex>\nin_view = mvPosition.xyz;');
-  shader.fragmentShader = `uniform vec3 contacts[${most_contacts}]; uniform int contact_count; varying vec3 in_view;\n` +
+  const [inner, outer] = [0.65 * clear_radius, clear_radius].map(r => (r * r).toFixed(2));
+  shader.fragmentShader = `uniform vec4 contacts[${most_contacts}]; uniform int contact_count; varying vec3 in_view;\n` +
     shader.fragmentShader.replace('#include <tonemapping_fragment>', `
-      float clear = 0.0;
+      float clear = 0.0, far = dot(in_view, in_view);
       for (int k = 0; k < ${most_contacts}; ++k) {
         if (k >= contact_count) break;
-        vec3 along = normalize(contacts[k]), way = in_view - contacts[k];
-        if (dot(along, way) > -0.5) continue;
-        clear = max(clear, 1.0 - smoothstep(${(0.65 * clear_radius).toFixed(2)}, ${clear_radius.toFixed(2)}, length(way - dot(along, way) * along)));
+        float along = dot(in_view, contacts[k].xyz);
+        if (along < contacts[k].w - 0.5) clear = max(clear, 1.0 - smoothstep(${inner}, ${outer}, far - along * along));
       }
       gl_FragColor.a *= 1.0 - 0.8 * clear;
       #include <tonemapping_fragment>`);
@@ -61,6 +66,15 @@ function nearestSurface(geometry, colour, opacity) {
   return group;
 }
 
+/** A surface that is opaque but where it hides a contact, in one drawing: what lies behind it there is not its own. */
+function clearedSurface(geometry, colour) {
+  const material = new THREE.MeshLambertMaterial({ color: colour, transparent: true });
+  material.onBeforeCompile = clearBeforeContacts;
+  const surface = new THREE.Mesh(geometry, material);
+  surface.renderOrder = 1;
+  return surface;
+}
+
 function objectOf(object, k) {
   const colour = object_colours[k % object_colours.length];
   if (object.kind === 'plane') return planeOf(colour);
@@ -68,24 +82,57 @@ function objectOf(object, k) {
   const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, object.kind === 'mesh' ? 60 : 35), new THREE.LineBasicMaterial(
     { color: new THREE.Color(colour).multiplyScalar(0.55), transparent: true, opacity: 0.7 }));
   edges.renderOrder = 3;
-  if (object.kind === 'soft') group.dent = dentOf(geometry, group.children[1].material, new THREE.Color(colour));
+  if (object.kind === 'soft') group.dent = dentOf(geometry, group.children[1].material, new THREE.Color(colour), object.triangles);
   else group.add(edges);  // of tissue they would stay where they were
+  if (object.gives_way) group.give = giveOf(geometry);
   return group;
 }
 /** What puts the surface of an object of tissue where it is, in the colours of what presses on it. */
-function dentOf(geometry, material, own) {
+function dentOf(geometry, material, own, triangles) {
   geometry.setAttribute('color', new THREE.BufferAttribute(new Float32Array(geometry.attributes.position.array.length), 3));
   material.color.set('#ffffff'), material.vertexColors = THREE.VertexColors;
+  const { position, normal, color } = geometry.attributes, flat = new THREE.Vector3(), smooth = new THREE.Vector3();
+  const [a, b, c] = [0, 1, 2].map(() => new THREE.Vector3());
   return at => {
-    geometry.attributes.position.array.set(at.position);
-    const shown = geometry.attributes.color.array;
-    for (let i = 0; i < at.pressure.length; ++i) {
-      const share = at.pressure[i] / quantities.pressure.most, pressed = skinColour(share), mix = Math.min(1, 4 * share);
-      [own.r, own.g, own.b].forEach((c, d) => { shown[3 * i + d] = c + mix * (pressed[d] - c); });
+    const normals = normalsOf(at.position, triangles), shown = Array.from(at.pressure, pressure => {
+      const share = pressure / quantities.pressure.most, pressed = skinColour(share), mix = Math.min(1, 4 * share);
+      return [own.r, own.g, own.b].map((c, d) => c + mix * (pressed[d] - c));
+    });
+    for (let t = 0; t < triangles.length; t += 3) {
+      [a, b, c].forEach((x, k) => x.fromArray(at.position, 3 * triangles[t + k]));
+      flat.copy(b).sub(a).cross(c.sub(a)).normalize();
+      for (let k = 0; k < 3; ++k) {
+        const node = triangles[t + k], place = 3 * (t + k);
+        smooth.fromArray(normals, 3 * node);
+        (smooth.dot(flat) > 0.8 ? smooth : flat).toArray(normal.array, place);  // across an edge they are not shared
+        for (let d = 0; d < 3; ++d) position.array[place + d] = at.position[3 * node + d], color.array[place + d] = shown[node][d];
+      }
     }
-    geometry.attributes.position.needsUpdate = geometry.attributes.color.needsUpdate = true;
-    geometry.computeVertexNormals();
+    position.needsUpdate = normal.needsUpdate = color.needsUpdate = true;
     geometry.computeBoundingSphere();
+  };
+}
+
+/** What lets the surface of an object that gives way follow the skin that is pressed into it: points of skin that touch,
+    in the object's frame [mm]. Each vertex goes inwards, against its normal, to skin nearby that lies deeper. */
+function giveOf(geometry) {
+  const rest = geometry.attributes.position.array.slice(), normal = geometry.attributes.normal.array.slice();
+  let dented = false;
+  return skin => {
+    const place = geometry.attributes.position;
+    if (skin.length === 0 && !dented) return;
+    dented = skin.length > 0;
+    for (let i = 0; i < rest.length; i += 3) {
+      let deepest = 0;
+      for (const x of skin) {
+        const wx = x.x - rest[i], wy = x.y - rest[i + 1], wz = x.z - rest[i + 2];
+        const depth = -(wx * normal[i] + wy * normal[i + 1] + wz * normal[i + 2]);
+        if (depth > deepest) deepest = Math.max(deepest, depth * Math.exp(-0.125 * (wx * wx + wy * wy + wz * wz - depth * depth)));
+      }
+      for (let d = 0; d < 3; ++d) place.array[i + d] = rest[i + d] - deepest * normal[i + d];
+    }
+    place.needsUpdate = true;
+    geometry.computeVertexNormals();
   };
 }
 
@@ -117,7 +164,7 @@ const floor_texture = (() => {
 function floorOf() {
   const floor = new THREE.Group(), shape = new THREE.PlaneBufferGeometry(floor_size, floor_size);
   for (const [side, opacity] of [[THREE.FrontSide, 1], [THREE.BackSide, 0.18]])
-    floor.add(new THREE.Mesh(shape, new THREE.MeshBasicMaterial({ map: floor_texture, transparent: true, opacity, side, depthWrite: false })));
+    floor.add(new THREE.Mesh(shape, inShadow(new THREE.MeshBasicMaterial({ map: floor_texture, transparent: true, opacity, side, depthWrite: false }))));
   return floor;
 }
 /** A plane is a floor while it lies level, and glass else; settle() looks. */

@@ -6,22 +6,26 @@
 
 const view = { target: new THREE.Vector3(), beside: new THREE.Vector3(), finger: -1 };
 const frames = [], most_frames = run.live ? 1800 : Infinity;
-let now = 0, playing = true, elapsed = 0, largest_force = 1e-6, largest_sum = 0.5;
+let now = 0, playing = true, elapsed = 0, largest_force = 1e-6, largest_sum = stage.force_N || 0.5;
 let contacts = [];  // of the frame shown
 
-let sharpening = null;
+let sharpening = null, drawn_as = '';
 function sharpenSoon() {
   clearTimeout(sharpening);
   sharpening = setTimeout(() => { if (!playing) draw(2); }, 250);
 }
 /** The scene, and the pads below it; in software, once more and finer where it stays. */
 function draw(fineness = 1) {
-  const ratio = fineness * (window.devicePixelRatio || 1);
+  const device = window.devicePixelRatio || 1, ratio = fineness * (detail.level > 0 ? Math.min(1, device) * detail.ratio : device);
   if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
-  if (drawn_in_software && fineness === 1) sharpenSoon();
-  const { clientWidth: width, clientHeight: all } = by('stage'), rows = padRows(width, all), height = all - rows.height;
+  if (drawn_in_software && fineness === 1 && !playing) sharpenSoon();
+  const { clientWidth: width, clientHeight: all_height } = by('stage'), rows = padRows(width, all_height), height = all_height - rows.height;
+  const as = [width, all_height, ratio, rows.height, rows.cells.length].join(), all = detail.level === 0 || as !== drawn_as;
+  drawn_as = as;
+  ++detail.turn;
+  if (floors.length > 0 && (all || isTurn(0))) castShadow(renderer, scene, middleOf(frames[now], -1));
   renderer.setScissorTest(false);
-  renderer.clear();
+  if (all) renderer.clear();
   renderer.setScissorTest(true);
   const part = (x, y, w, h, what, from) => {
     renderer.setViewport(x, y, w, h);
@@ -33,8 +37,8 @@ function draw(fineness = 1) {
   camera.updateMatrixWorld();
   showContacts(contacts, camera);
   part(0, rows.height, width, height, scene, camera);
-  showNames(frames[now], width, height);
-  drawPads(rows, width, part);
+  if (all || detail.turn % Math.min(3, detail.turns) === 0) showNames(frames[now], width, height);
+  if (frames.length > 0) drawPads(rows, width, frames[now], all, part);
 }
 
 /** Takes a frame; a time before the last one's means that the run began anew. */
@@ -57,7 +61,7 @@ function addFrame(frame) {
       q.peaks.push(peak);
       if (q === quantities.pressure) pad_scales[k].peaks.push(peak);
     }
-    largest_sum = Math.max(largest_sum, f.force);
+    if (!stage.force_N) largest_sum = Math.max(largest_sum, f.force);
     for (let i = 0; i < f.forces.length; i += 3)
       largest_force = Math.max(largest_force, Math.hypot(f.forces[i], f.forces[i + 1], f.forces[i + 2]));
   });
@@ -67,7 +71,7 @@ function addFrame(frame) {
 }
 
 function showFinger(k, f) {
-  const { group, edges, lines, arrow, show: move, scale } = fingers[k], q = quantities[by('colour').value];
+  const { group, edges, lines, show: move, scale } = fingers[k], q = quantities[by('colour').value];
   const { rest, samples } = stage.fingers[k], stretch = q === quantities.stretch;
   place(group, f.bone);
   edges.visible = by('mesh').checked;
@@ -77,11 +81,11 @@ function showFinger(k, f) {
   // Forces: their sum, which ends at the centre of pressure; of one finger looked at alone, each sample's.
   const centre = centreOfPressure(f, samples), sum = new THREE.Vector3(), x = new THREE.Vector3();
   for (let i = 0; i < f.forces.length; i += 3) sum.add(x.fromArray(f.forces, i));
-  arrow.visible = Boolean(centre) && by('arrows').checked;
+  arrows.hide(k);
   if (centre) {
     const place = new THREE.Vector3(...centre).applyMatrix4(group.matrixWorld);
     contacts.push({ at: place, force: sum });
-    if (sum.length() > 1e-9) arrow.point(place, sum.clone().setLength(22 * Math.min(1, sum.length() / largest_sum)));
+    if (sum.length() > 1e-9) arrows.point(k, place, sum.clone().setLength(22 * Math.min(1, sum.length() / largest_sum)));
   }
   lines.visible = by('arrows').checked && view.finger === k;
   if (!lines.visible) return;
@@ -119,31 +123,45 @@ function show(index) {
     place(objects[k], pose);
     if (objects[k].settle) objects[k].settle();
     if (objects[k].dent) objects[k].dent(pose);
+    if (objects[k].give) objects[k].give(skinNear(objects[k], frame));
     objects[k].visible = by('objects').checked;
   });
   if (!ground && objects.length > 0 && !stage.objects.some(object => object.kind === 'plane')) {
     ground = groundBelow(objects);
     scene.add(ground);
+    floors.push(ground);
   }
   frame.hands.forEach((bones, k) => {
-    hands[k].group.visible = by('hand').checked;
+    hands[k].mesh.visible = by('hand').checked;
     if (by('hand').checked) hands[k].show(bones);
   });
   frame.thimbles.forEach((t, k) => {
-    place(thimbles[k].holder, frame.fingers[stage.thimbles[k].finger].bone);
-    thimbles[k].show(t);
-    thimbles[k].holder.visible = by('platforms').checked;
+    thimbles[k].show(t, fingers[stage.thimbles[k].finger].group.matrixWorld);
+    thimbles[k].rim.visible = by('platforms').checked;
     showTouches(k, frame, t);
   });
-  showPads(frame);
+  for (const { mesh, fit } of Object.values(thimble_bars)) mesh.visible = by('platforms').checked, fit();
+  for (const mesh of arrows.meshes) mesh.visible = by('arrows').checked;
+  document.body.dataset.time = frame.time.toFixed(6);  // for tests
+  follow();
+  draw();
+  if (!isTurn(0)) return;
   by('when').max = frames.length - 1;
   by('when').value = now;
   by('time').textContent = frame.time.toFixed(2) + ' s';
-  document.body.dataset.time = frame.time.toFixed(6);  // for tests
   showNumbers(frame);
-  follow();
-  draw();
   drawPlots();
+}
+/** Where skin presses on something, in an object's frame [mm]. */
+function skinNear(object, frame) {
+  const points = [];
+  object.updateMatrixWorld();
+  const back = new THREE.Matrix4().getInverse(object.matrixWorld);
+  frame.fingers.forEach((f, k) => stage.fingers[k].samples.forEach((node, s) => {
+    if (f.forces[3 * s] || f.forces[3 * s + 1] || f.forces[3 * s + 2])
+      points.push(new THREE.Vector3().fromArray(f.position, 3 * node).applyMatrix4(fingers[k].group.matrixWorld).applyMatrix4(back));
+  }));
+  return points;
 }
 
 function showNumbers(frame) {
@@ -169,13 +187,16 @@ function middleOf(frame, finger) {
   for (const f of chosen) out.add(bonePlace(f));
   return out.divideScalar(chosen.length).add(view.beside);
 }
+let following = false;
 /** The camera keeps its place relative to what it looks at. */
 function follow() {
   const target = middleOf(frames[now], view.finger);
   camera.position.add(target.clone().sub(view.target));
   controls.target.copy(target);
   view.target.copy(target);
+  following = true;
   controls.update();
+  following = false;
 }
 /** Looks at all fingers and their hand from the front right and above; at one, a little from below, where its pad touches. */
 function aim(finger) {
@@ -204,7 +225,7 @@ function resize() {
 function legend() {
   const q = quantities[by('colour').value], g = by('scale').getContext('2d');
   by('legend-title').textContent = q.title;
-  by('most').textContent = 'over ' + Number(q.most.toPrecision(2)) + ' ' + q.unit;
+  by('most').textContent = 'over ' + Number(q.most.toPrecision(4)) + ' ' + q.unit;
   for (let i = 0; i < 180; ++i) {
     g.fillStyle = 'rgb(' + skinColour(i / 179).map(c => Math.round(255 * c)).join(',') + ')';
     g.fillRect(i, 0, 1, 12);
@@ -221,12 +242,21 @@ by('thimbles-box').hidden = by('matched').hidden = stage.thimbles.length === 0;
 by('settings-box').hidden = by('restart').hidden = !run.live;
 stage.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
 by('colour').onchange = () => { legend(); show(now); };
+by('scale-end').onchange = () => {
+  const kPa = Number(by('scale-end').value);
+  pressure_fixed = kPa > 0 ? kPa : null;
+  fitScales();
+  legend();
+  show(now);
+};
 by('camera').onchange = () => aim(Number(by('camera').value));
 for (const id of ['arrows', 'hand', 'platforms', 'objects', 'touches', 'pads', 'felt', 'names', 'mesh']) by(id).onchange = () => show(now);
 
 let tell = () => {};  // the live viewer's way to the simulation
 function play(on) {
   playing = on;
+  beginDetail(on, stage.fingers.length);
+  if (!on) show(now);
   by('play').textContent = on ? 'pause' : 'play';
   tell({ pause: !on });
 }
@@ -241,7 +271,7 @@ by('rearm').onclick = () => tell({ rearm: true });
 by('restart').onclick = () => tell({ restart: true });
 by('speed').onchange = () => tell({ speed: Number(by('speed').value) });
 by('when').oninput = () => { play(false); show(Number(by('when').value)); };
-controls.addEventListener('change', () => draw());
+controls.addEventListener('change', () => { if (!following) draw(); });
 window.addEventListener('resize', () => { resize(); show(now); });
 resize();
 
@@ -250,6 +280,7 @@ resize();
 let last = 0;
 function tick(stamp) {
   const passed = Math.min(0.1, (stamp - last) / 1e3);
+  if (playing) paceDetail(stamp - last);
   last = stamp;
   if (playing && frames.length > 1) {
     elapsed += passed * Number(by('speed').value);
@@ -274,6 +305,7 @@ function startReport() {
   }
   fitScales();
   legend();
+  beginDetail(playing, stage.fingers.length);
   aim(-1);
   requestAnimationFrame(tick);
 }
@@ -302,6 +334,15 @@ function settingRows() {
     row.append(setting.label, input, value);
     by('settings').append(row);
   }
+}
+let fresh = false;  // a frame has come that is to be shown
+/** Shows the newest of the frames that have come, no oftener than they can be drawn. */
+function showNewest(stamp) {
+  if (playing && last > 0) paceDetail(stamp - last);
+  last = stamp;
+  if (fresh) show(frames.length - 1);
+  fresh = false;
+  requestAnimationFrame(showNewest);
 }
 function startLive() {
   const socket = new WebSocket('ws://' + location.host + '/frames' + location.search);  // with its token
@@ -336,10 +377,12 @@ function startLive() {
       first = false;
       fitScales();
       legend();
+      beginDetail(playing, stage.fingers.length);
       aim(-1);
+      requestAnimationFrame(showNewest);
       if (link.has('probe')) console.log('first picture drawn');  // for tests
     }
-    else if (playing || now >= frames.length - 2) show(frames.length - 1);
+    else if (playing || now >= frames.length - 2) fresh = true;
   };
   socket.onclose = () => { by('failure').textContent = 'The simulation has ended.'; };
   settingRows();
@@ -352,6 +395,7 @@ else startReport();
 if (link.has('t')) show(frames.findIndex(f => f.time >= Number(link.get('t')) - 1e-6));
 if (link.has('colour')) { by('colour').value = link.get('colour'); legend(); show(now); }
 if (link.has('finger')) { by('camera').value = link.get('finger'); aim(Number(link.get('finger'))); }
+if (link.has('scale')) { by('scale-end').value = link.get('scale'); by('scale-end').onchange(); }
 if (link.has('touches')) { by('touches').checked = true; show(now); }
 if (link.has('still')) play(false);
 document.body.dataset.frames = frames.length;

@@ -128,7 +128,8 @@ std::string name_of(const ::testing::TestParamInfo<Shown>& shown) {
 }
 INSTANTIATE_TEST_SUITE_P(Scenes, Screenshots,
                          ::testing::Values(Shown{"hand", 0.6}, Shown{"two_hands", 0.8}, Shown{"hold_mug", 1.0},
-                                           Shown{"egg", 1.0}, Shown{"pinch", 0.8}, Shown{"torus", 0.5}),
+                                           Shown{"egg", 1.0}, Shown{"pinch", 0.8}, Shown{"torus", 0.5},
+                                           Shown{"nodule", 0.6}),
                          name_of);
 
 }  // namespace
