@@ -52,8 +52,8 @@ struct Scene {
     double recording_speed = 1;                                      ///< recorded seconds per second
     std::string tracker;                                             ///< source of live hands (hand_source.h)
     double tracker_timeout = 2;  ///< of silence, after which a thimble is led to rest [s]
-    double scale_pressure = 0;      ///< where colour scales end [Pa]; 0: as the run has it
-    double scale_force = 0;         ///< whose arrow is longest [N]; 0: as the run has it
+    double scale_pressure = 0;   ///< where colour scales end [Pa]; 0: as the run has it
+    double scale_force = 0;      ///< whose arrow is longest [N]; 0: as the run has it
     ThimbleLoopSettings loop;
     ServoModel servo;                        ///< of simulated thimbles
     std::vector<DriverSpec> drivers;         ///< per thimble

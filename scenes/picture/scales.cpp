@@ -23,7 +23,9 @@ double end_of(std::vector<double> peaks) {
 double round_up(double x) {
     if (!(x > 0)) return 1;
     const double power = std::pow(10, std::floor(std::log10(x))), m = x / power;
-    return power * (m <= 1 ? 1 : m <= 2 ? 2 : m <= 5 ? 5 : 10);
+    for (const double step : {1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0})
+        if (m <= step * (1 + 1e-6)) return power * step;
+    return 10 * power;
 }
 
 void PressureScales::record(const Simulation& s) {
@@ -42,7 +44,9 @@ double PressureScales::most() const {
     return end_of(std::move(all));
 }
 
-double PressureScales::most(std::size_t finger) const { return finger < peaks_.size() ? end_of(peaks_[finger]) : least; }
+double PressureScales::most(std::size_t finger) const {
+    return finger < peaks_.size() ? end_of(peaks_[finger]) : least;
+}
 
 PictureScales scales_of(const Simulation& s, const PressureScales* recorded) {
     PictureScales out;

@@ -1,6 +1,6 @@
 #pragma once
-// Where the colour scales of a run end: as its scene fixes them, or where 19 of 20 moments with contact have their peak,
-// so that single spikes do not wash out the rest. Pictures and reports of a run share them.
+// Where the colour scales of a run end: as its scene fixes them, or where 19 of 20 moments with contact have their
+// peak, so that single spikes do not wash out the rest. Pictures and reports of a run share them.
 
 #include <vector>
 
@@ -8,7 +8,7 @@
 
 namespace palpate {
 
-/// A number that reads well, not below x: 1, 2 or 5 times a power of ten.
+/// A number that reads well, not below x: 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten.
 double round_up(double x);
 
 /// Peaks of pressure over a run, of each finger.

@@ -1,3 +1,5 @@
+#include <unistd.h>
+
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -100,9 +102,10 @@ int run_calibrate(const CalibrateArguments& a, const std::atomic<bool>& stop) {
     const FingerModel start = load_finger(a.source);
     Threads threads(a.threads);
     std::function<void(const std::string&)> progress;
-    if (!a.quiet) progress = [](const std::string& line) { std::fprintf(stderr, "\r%-78s", line.c_str()); };
+    const bool shown = !a.quiet && isatty(STDERR_FILENO) != 0;
+    if (shown) progress = [](const std::string& line) { std::fprintf(stderr, "\r%-78s", line.c_str()); };
     const Calibration c = calibrate(start, data, a.settings, threads, stop, progress);
-    if (!a.quiet) std::fprintf(stderr, "\r%-78s\r", "");
+    if (shown) std::fprintf(stderr, "\r%-78s\r", "");
     const auto lines = report(c);
     FingerModel model = c.model;
     model.title = (start.title.empty() ? a.source.name : start.title) + ", fitted";

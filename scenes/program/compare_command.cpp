@@ -2,11 +2,13 @@
 
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/progress.h"
 #include "scenes/recording/svg.h"
+#include "scenes/run/wrapped.h"
 #include "scenes/studies/compare.h"
 
 namespace palpate {
@@ -100,7 +102,7 @@ struct CompareArguments {
     std::string scene, out;
     std::vector<std::string> overrides, kinds, methods;
     int threads = 0;
-    bool quiet = false, through_servo = false;
+    bool quiet = false, json = false, through_servo = false;
 };
 
 struct Distribution {
@@ -119,45 +121,100 @@ Distribution distribution(const std::vector<ComparedStep>& steps, std::size_t m,
     return d;
 }
 
+/// What came of one method with one finger.
+struct MethodFigures {
+    Distribution field;
+    double wanted_N = 0, normal_N = 0, shear_N = 0, net_N = 0, torque_Nmm = 0, area_mm2 = 0, centre_mm = 0,
+           median_us = 0;
+    int unconverged = 0, least_squares = 0;
+};
+MethodFigures figures_of(const std::vector<ComparedStep>& steps, std::size_t m) {
+    using Step = ComparedStep;
+    auto mean = [&](auto of) { return distribution(steps, m, of).mean; };
+    MethodFigures f;
+    f.field = distribution(steps, m, [](const Step&, const Step::Method& r) { return r.error.field_N; });
+    f.wanted_N = mean([](const Step& s, const Step::Method&) { return s.virtual_force_N; });
+    f.normal_N = mean([](const Step&, const Step::Method& r) { return r.error.normal_N; });
+    f.shear_N = mean([](const Step&, const Step::Method& r) { return r.error.shear_N; });
+    f.net_N = mean([](const Step&, const Step::Method& r) { return r.error.net_N; });
+    f.torque_Nmm = mean([](const Step&, const Step::Method& r) { return r.error.torque_Nmm; });
+    f.area_mm2 = mean([](const Step&, const Step::Method& r) { return r.error.area_mm2; });
+    f.centre_mm = mean([](const Step&, const Step::Method& r) { return r.error.centroid_mm; });
+    std::vector<double> times;
+    for (const Step& row : steps) {
+        f.unconverged += !row.methods[m].converged;
+        f.least_squares += row.methods[m].by_least_squares;
+        times.push_back(row.methods[m].microseconds);
+    }
+    std::sort(times.begin(), times.end());
+    if (!times.empty()) f.median_us = times[times.size() / 2];
+    return f;
+}
+double wanted_shear(const std::vector<ComparedStep>& steps) {
+    double shear = 0;
+    for (const ComparedStep& row : steps) shear += row.virtual_shear_N / double(steps.size());
+    return shear;
+}
+
+/// Within 80 columns: errors of forces, then the others.
 void print_table(const Comparison& c, std::size_t finger) {
     const auto& steps = c.steps[finger];
-    std::printf("%s: %zu rendering steps with contact\n  %-44s %26s %9s %17s %6s %9s %9s %7s %9s\n",
-                c.fingers[finger].c_str(), steps.size(), "", "sum |F_i - Fbar_i| [N]", "of", "normal    shear N", "net",
-                "torque", "area", "centre", "match us");
-    std::printf("  %-44s %8s %8s %8s %9s %8s %8s %6s %9s %9s %7s %9s\n", "", "mean", "p95", "largest", "wanted", "mean",
-                "mean", "N", "Nmm", "mm2", "mm", "median");
-    using Step = ComparedStep;
-    for (std::size_t m = 0; m < c.methods.size(); ++m) {
-        auto mean = [&](auto of) { return distribution(steps, m, of).mean; };
-        const Distribution field =
-            distribution(steps, m, [](const Step&, const Step::Method& r) { return r.error.field_N; });
-        double wanted = 0, unconverged = 0, least_squares = 0;
-        std::vector<double> times;
-        for (const Step& row : steps) {
-            wanted += row.virtual_force_N / double(steps.size());
-            unconverged += !row.methods[m].converged;
-            least_squares += row.methods[m].by_least_squares;
-            times.push_back(row.methods[m].microseconds);
-        }
-        std::sort(times.begin(), times.end());
-        std::printf("  %-44s %8.4f %8.4f %8.4f %7.1f %% %8.4f %8.4f %6.3f %9.3f %9.2f %7.3f %9.0f",
-                    title_of(c, m).c_str(), field.mean, field.p95, field.most, 100 * field.mean / wanted,
-                    mean([](const Step&, const Step::Method& r) { return r.error.normal_N; }),
-                    mean([](const Step&, const Step::Method& r) { return r.error.shear_N; }),
-                    mean([](const Step&, const Step::Method& r) { return r.error.net_N; }),
-                    mean([](const Step&, const Step::Method& r) { return r.error.torque_Nmm; }),
-                    mean([](const Step&, const Step::Method& r) { return r.error.area_mm2; }),
-                    mean([](const Step&, const Step::Method& r) { return r.error.centroid_mm; }),
-                    times[times.size() / 2]);
-        if (unconverged > 0) std::printf("   not converged %.0f", unconverged);
-        if (least_squares > 0) std::printf("   %.0f of them answered by least squares, not SLSQP", least_squares);
-        std::printf("\n");
+    std::printf("%s%s%s: %zu rendering steps with contact\n", c.fingers[finger].c_str(), c.kind.empty() ? "" : ", ",
+                c.kind.c_str(), steps.size());
+    std::printf("  %-14s %26s %10s %8s %8s\n", "", "sum |F_i - Fbar_i| [N]", "normal", "shear", "net");
+    std::printf("  %-14s %8s %8s %8s %10s %8s %8s %9s\n", "method", "mean", "p95", "largest", "mean N", "mean N", "N",
+                "of wanted");
+    std::vector<MethodFigures> all;
+    for (std::size_t m = 0; m < c.methods.size(); ++m) all.push_back(figures_of(steps, m));
+    auto name = [&](std::size_t m) { return method_names[std::size_t(c.methods[m])].c_str(); };
+    for (std::size_t m = 0; m < all.size(); ++m) {
+        const MethodFigures& f = all[m];
+        std::printf("  %-14s %8.4f %8.4f %8.4f %10.4f %8.4f %8.3f %7.1f %%\n", name(m), f.field.mean, f.field.p95,
+                    f.field.most, f.normal_N, f.shear_N, f.net_N, f.wanted_N > 0 ? 100 * f.field.mean / f.wanted_N : 0);
     }
-    double shear = 0;
-    for (const Step& row : steps) shear += row.virtual_shear_N / double(steps.size());
-    std::printf(
-        "  wanted shear (friction of the object): %.4f N on average; a platform without friction renders none\n",
-        shear);
+    std::printf("  %-14s %8s %8s %8s %10s %14s\n  %-14s %8s %8s %8s %10s %14s %15s\n", "", "torque", "area", "centre",
+                "match", "not", "method", "N mm", "mm2", "mm", "us median", "converged", "by least sq.");
+    for (std::size_t m = 0; m < all.size(); ++m) {
+        const MethodFigures& f = all[m];
+        std::printf("  %-14s %8.3f %8.2f %8.3f %10.0f %14d %15d\n", name(m), f.torque_Nmm, f.area_mm2, f.centre_mm,
+                    f.median_us, f.unconverged, f.least_squares);
+    }
+    std::printf("%s", wrapped(written("wanted shear (friction of the object): %.4f N on average; a platform without "
+                                      "friction renders none",
+                                      wanted_shear(steps)),
+                              "  ")
+                          .c_str());
+}
+
+nlohmann::json json_of(const std::vector<Comparison>& comparisons) {
+    nlohmann::json all = nlohmann::json::array();
+    for (const Comparison& c : comparisons)
+        for (std::size_t finger = 0; finger < c.fingers.size(); ++finger) {
+            const auto& steps = c.steps[finger];
+            nlohmann::json j{
+                {"finger", c.fingers[finger]}, {"steps", steps.size()}, {"methods", nlohmann::json::array()}};
+            if (!c.kind.empty()) j["kind"] = c.kind;
+            if (!steps.empty()) j["wanted_shear_N"] = wanted_shear(steps);
+            for (std::size_t m = 0; m < c.methods.size() && !steps.empty(); ++m) {
+                const MethodFigures f = figures_of(steps, m);
+                j["methods"].push_back({{"method", method_names[std::size_t(c.methods[m])]},
+                                        {"field_mean_N", f.field.mean},
+                                        {"field_p95_N", f.field.p95},
+                                        {"field_largest_N", f.field.most},
+                                        {"wanted_N", f.wanted_N},
+                                        {"normal_N", f.normal_N},
+                                        {"shear_N", f.shear_N},
+                                        {"net_N", f.net_N},
+                                        {"torque_Nmm", f.torque_Nmm},
+                                        {"area_mm2", f.area_mm2},
+                                        {"centroid_mm", f.centre_mm},
+                                        {"match_median_us", f.median_us},
+                                        {"not_converged", f.unconverged},
+                                        {"by_least_squares", f.least_squares}});
+            }
+            all.push_back(j);
+        }
+    return all;
 }
 
 Comparison compare_kind(const CompareArguments& a, const std::string& kind, const std::atomic<bool>& stop) {
@@ -203,6 +260,7 @@ int compare_scene(const CompareArguments& a, const std::atomic<bool>& stop) {
         const std::string& finger = comparisons[0].fingers[f];
         for (const Comparison& c : comparisons) {
             write_csv(folder / (finger + (c.kind.empty() ? "" : "-" + c.kind) + "-errors.csv"), to_series(c, f));
+            if (a.json) continue;
             if (c.steps[f].empty())
                 std::printf("%s: never in contact\n", finger.c_str());
             else if (!a.quiet)
@@ -212,7 +270,10 @@ int compare_scene(const CompareArguments& a, const std::atomic<bool>& stop) {
             for (const Shown& shown : all_shown) plots.push_back(error_plot(comparisons, f, shown));
     }
     write_svg(folder / "errors.svg", plots);
-    if (!a.quiet) std::printf("written to %s (errors.svg, one -errors.csv per finger)\n", folder.string().c_str());
+    if (a.json)
+        std::printf("%s\n", json_of(comparisons).dump(2).c_str());
+    else if (!a.quiet)
+        std::printf("written to %s (errors.svg, one -errors.csv per finger)\n", folder.string().c_str());
     return stop ? 130 : 0;
 }
 
@@ -234,6 +295,7 @@ Action add_compare_command(const Command& program, const std::atomic<bool>& stop
     c.flag("--servo", a->through_servo, "through the simulated servo: quantised and delayed");
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
     c.flag("--quiet", a->quiet, "print nothing but errors");
+    c.flag("--json", a->json, "print the figures as JSON");
     return [a, &stop] { return compare_scene(*a, stop); };
 }
 

@@ -5,6 +5,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/program/replay_run.h"
 #include "scenes/recording/hdf5_file.h"
 #include "scenes/recording/results.h"
@@ -98,8 +99,12 @@ bool write_pads(const ConvertArguments& a, const std::filesystem::path& folder, 
         const std::filesystem::path run = folder_of_run(folder, recording, k);
         std::filesystem::create_directories(run);
         PadSeries pads(run, a.rate);
-        const Replay replay =
-            replay_run(recording.runs[k], a.file, a.threads, stop, [&](const Simulation& s) { pads.record(s); });
+        Progress progress("convert");
+        const double steps = double(std::max<std::size_t>(1, recording.runs[k].steps.size()));
+        const Replay replay = replay_run(recording.runs[k], a.file, a.threads, stop, [&](const Simulation& s) {
+            pads.record(s);
+            progress.show(double(s.world.step) / steps, s.world.step, s.world.time);
+        });
         pads.finish(*replay.simulation);
         same &= !replay.difference;
     }

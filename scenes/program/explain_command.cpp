@@ -5,6 +5,7 @@
 
 #include "engine/skin/solve/solve_skin.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/run/simulation.h"
 
 namespace palpate {
@@ -104,7 +105,9 @@ void predict(Simulation& s) {
 /// What each system costs in the first second of the scene.
 void measure(Simulation& s, const std::atomic<bool>& stop) {
     s.scene.duration = std::min(s.scene.duration, 1.0);
-    run(s, stop, {});
+    Progress progress("explain");
+    run(s, stop, [&](const StepInputs&, double share) { progress.show(share, s.world.step, s.world.time); });
+    progress.clear();
     std::printf("\nmeasured over %zu steps of %.3g ms [us]:\n%-18s %10s %10s\n", s.step_series.rows(),
                 1e3 * s.world.solver.dt, "", "mean", "p99");
     for (const std::string& column : s.step_series.columns) {

@@ -6,8 +6,10 @@
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/finger_source.h"
+#include "scenes/program/progress.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/series.h"
+#include "scenes/run/wrapped.h"
 #include "scenes/studies/indentation.h"
 
 namespace palpate {
@@ -108,22 +110,22 @@ nlohmann::json json_of(const std::vector<Press>& presses) {
 void print(const Band& b, double v) {
     std::printf("  %-32s ", b.what);
     if (!std::isfinite(v)) {
-        std::printf("not reached: press deeper (--depth-mm), or further (--force-N)\n");
+        std::printf("not reached (--depth-mm, --force-N)\n");
         return;
     }
     std::printf("%7.2f %-4s", v, b.unit);
     if (std::isfinite(b.low) && std::isfinite(b.high))
-        std::printf("  index fingers: %g to %g", b.low, b.high);
+        std::printf("  %g to %g", b.low, b.high);
     else if (std::isfinite(b.low))
-        std::printf("  index fingers: at least %g", b.low);
+        std::printf("  at least %g", b.low);
     else if (std::isfinite(b.high))
-        std::printf("  index fingers: below %g", b.high);
+        std::printf("  below %g", b.high);
     std::printf("%s\n", v < b.low || v > b.high ? "   OUTSIDE" : "");
 }
 
 void print(const std::vector<Press>& presses) {
     for (const Press& press : presses) {
-        std::printf("\n%s\n", press.label().c_str());
+        std::printf("\n%-47s  index fingers\n", press.label().c_str());
         for (const Band& b : bands) print(b, b.factor * (press.figures.*b.value));
         std::size_t failed = 0;
         for (const IndentationPoint& p : press.curve.points) failed += !p.converged;
@@ -149,13 +151,17 @@ int run_indent(const IndentArguments& a) {
             presses.push_back({all.back(), angle, {}, {}});
         }
     }
-    const IndentationSettings settings{
+    IndentationSettings settings{
         .steps = a.steps, .force_limit = a.force_N, .speed = 1e-3 * a.speed_mm_per_s, .friction = a.friction};
+    Progress progress("indent", a.json);
+    settings.progress = [&](double share) { progress.show(0.5 * share); };
     const auto curves = indent(all, settings, threads);
     for (std::size_t i = 0; i < presses.size(); ++i) {
         presses[i].curve = curves[i];
+        progress.show(0.5 + 0.5 * double(i) / double(presses.size()));
         presses[i].figures = fingertip_figures(presses[i].how, curves[i], a.shear_friction, threads);
     }
+    progress.clear();
     if (!a.out.empty()) {
         std::filesystem::create_directories(a.out);
         write_csv(std::filesystem::path(a.out) / "indent.csv", series_of(presses));
@@ -165,7 +171,7 @@ int run_indent(const IndentArguments& a) {
         std::printf("%s\n", json_of(presses).dump(2).c_str());
         return 0;
     }
-    std::printf("%s\n%s\n", title.c_str(), note.c_str());
+    std::printf("%s%s", wrapped(title).c_str(), wrapped(note).c_str());
     print(presses);
     if (!a.out.empty()) std::printf("\nwritten: %s/indent.csv, indent.svg\n", a.out.c_str());
     return 0;

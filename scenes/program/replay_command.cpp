@@ -5,6 +5,7 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/program/replay_run.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
@@ -33,11 +34,15 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
     PressureScales scales;
     std::optional<Video> video;
     if (!a.video.empty()) video.emplace(a.video, PictureSettings{});
+    Progress progress("replay");
     const Replay replay = replay_run(run, a.file, a.threads, stop, [&](const Simulation& s) {
+        progress.show(double(s.world.step) / double(std::max<std::size_t>(1, run.steps.size())), s.world.step,
+                      s.world.time);
         scales.record(s);
         if (!a.report.empty()) report.record(s);
         if (video) video->record(s);
     });
+    progress.clear();
     const Simulation& s = *replay.simulation;
     const std::string which = recording.runs.size() > 1 ? "run " + std::to_string(number + 1) + ": " : "";
     if (const auto& d = replay.difference)

@@ -50,7 +50,10 @@ struct RearmKey {
 /// The preset for a budget; says what was measured.
 std::string affordable_preset(const RunArguments& a, const std::vector<std::string>& overrides,
                               const std::atomic<bool>& stop) {
-    const BudgetChoice choice = preset_within(a.budget_ms, a.scene, overrides, a.threads, stop);
+    Progress progress("budget", a.quiet);
+    const BudgetChoice choice =
+        preset_within(a.budget_ms, a.scene, overrides, a.threads, stop, [&](double share) { progress.show(share); });
+    progress.clear();
     std::string told;
     for (const PresetTime& t : choice.tried) {
         char line[80];

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/studies/random/random_trials.h"
 #include "scenes/studies/stress/stress.h"
 
@@ -15,15 +16,18 @@ namespace {
 int try_random(RandomTrials trials, const std::atomic<bool>& stop) {
     std::filesystem::create_directories(trials.folder);
     int tried = 0, failed = 0;
+    Progress progress("stress");
     try_random_scenes(trials, stop, [&](const RandomTrial& t) {
-        ++tried;
+        progress.show(double(++tried) / trials.count);
         if (t.violations.empty()) return;
+        progress.clear();
         ++failed;
         for (const Violation& v : t.violations)
             std::printf("seed %u: %s: %s\n", t.seed, v.law.c_str(), v.found.c_str());
         std::printf("         %s\n", t.file.c_str());
         std::fflush(stdout);
     });
+    progress.clear();
     std::printf("%d random scenes, %d broke a law (seeds %d to %d)\n", tried, failed, trials.first_seed,
                 trials.first_seed + std::max(tried, 1) - 1);
     return stop ? 130 : failed ? 1 : 0;

@@ -1,8 +1,5 @@
 // `palpate sweep`: what settings cost and what they lose.
 
-#include <unistd.h>
-
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -13,9 +10,11 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/progress.h"
 #include "scenes/program/version.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/budget.h"
+#include "scenes/run/wrapped.h"
 #include "scenes/studies/processes.h"
 #include "scenes/studies/sweep.h"
 
@@ -157,21 +156,22 @@ void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan,
             if (!p.failed && p.errors.field <= most && (!best || p.seconds_per_second < best->seconds_per_second))
                 best = &p;
         if (best)
-            std::printf("  %4.0f %%: %6.3f s per simulated second, step %.0f us median, %.0f us p99 (%s)\n", 100 * most,
-                        best->seconds_per_second, best->median_us, best->p99_us, settings_text(plan, *best).c_str());
+            std::printf("  %4.0f %%: %6.3f s per simulated second, step %.0f us median, %.0f us p99\n%s", 100 * most,
+                        best->seconds_per_second, best->median_us, best->p99_us,
+                        wrapped(settings_text(plan, *best), "         ").c_str());
         else
             std::printf("  %4.0f %%: no setting of this sweep\n", 100 * most);
     }
-    std::printf("\n%-52s %9s %9s %9s %9s %10s %9s %9s\n", "settings on the Pareto front", "field %", "net %", "area %",
+    std::printf("\nsettings on the Pareto front\n%9s %9s %9s %10s %10s %9s %9s\n", "field %", "net %", "area %",
                 "centre um", "s / s", "p99 us", "limits");
     for (const SweepPoint& p : points)
         if (on_front(p, points))
-            std::printf("%-52s %9.3f %9.3f %9.3f %9.2f %10.4f %9.0f %9.1e\n", settings_text(plan, p).c_str(),
-                        100 * p.errors.field, 100 * p.errors.net, 100 * p.errors.area, 1e3 * p.errors.platform_mm,
-                        p.seconds_per_second, p.p99_us, p.limit_violation);
+            std::printf("%9.3f %9.3f %9.3f %10.2f %10.4f %9.0f %9.1e\n%s", 100 * p.errors.field, 100 * p.errors.net,
+                        100 * p.errors.area, 1e3 * p.errors.platform_mm, p.seconds_per_second, p.p99_us,
+                        p.limit_violation, wrapped(settings_text(plan, p), "    ").c_str());
     int failed = 0;
     for (const SweepPoint& p : points)
-        if (p.failed && failed++ < 20) std::printf("failed: %s\n", settings_text(plan, p).c_str());
+        if (p.failed && failed++ < 20) std::printf("%s", wrapped("failed: " + settings_text(plan, p)).c_str());
 }
 
 std::vector<std::string> overrides_of(const SweepArguments& a, const SweepPlan& plan,
@@ -189,8 +189,10 @@ std::string run_share(const SweepArguments& a, const SweepPlan& plan, const Refe
                       const Processes& processes, std::map<std::vector<std::string>, SweepPoint>& done,
                       std::ofstream& out, const std::atomic<bool>& stop) {
     const auto& all = plan.points;
-    const auto start = std::chrono::steady_clock::now();
-    std::size_t run_now = 0;
+    std::size_t run_now = 0, to_run = 0;
+    for (std::size_t k = std::size_t(processes.rank); k < all.size(); k += std::size_t(processes.size))
+        to_run += !done.contains(all[k]);
+    Progress progress("sweep", a.quiet);
     std::string mine;
     for (std::size_t k = std::size_t(processes.rank); k < all.size() && !stop; k += std::size_t(processes.size)) {
         auto it = done.find(all[k]);
@@ -206,10 +208,7 @@ std::string run_share(const SweepArguments& a, const SweepPlan& plan, const Refe
             out.flush();
             it = done.emplace(all[k], std::move(p)).first;
             ++run_now;
-            const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-            if (!a.quiet && isatty(STDERR_FILENO))
-                std::fprintf(stderr, "\r%zu of %zu, about %.0f s left   ", k + 1, all.size(),
-                             elapsed / double(run_now) * double(all.size() - k - 1) / processes.size);
+            progress.show(double(run_now) / double(to_run));
         }
         mine += row_of(it->second) + "\n";
     }
@@ -273,7 +272,6 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
 
     const References references = solve_references(a, plan, stop);
     const std::string mine = run_share(a, plan, references, processes, done, out, stop);
-    if (!a.quiet && isatty(STDERR_FILENO)) std::fprintf(stderr, "\n");
     if (stop && processes.rank == 0) std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
     const auto texts = gather(processes, mine);
     if (stop) return 130;

@@ -213,6 +213,7 @@ struct LiveRun {
         // Rows are for results, which a live run has none of: without end, they would fill the memory.
         for (Series& series : s.finger_series) series.values.clear();
         for (Series& series : s.body_series) series.values.clear();
+        for (Series& series : s.soft_series) series.values.clear();
         s.step_series.values.clear();
     }
 

@@ -27,6 +27,8 @@ std::vector<NamedSeries> tables_of(const Simulation& s) {
     for (const RigidShape& o : s.world.shapes)
         if (const int body = body_of(o); body >= 0)
             tables.push_back({"object_" + o.name + ".csv", &s.body_series[std::size_t(body)]});
+    for (std::size_t k = 0; k < s.soft_series.size(); ++k)
+        tables.push_back({"object_" + s.world.soft.all[k].skin.name + ".csv", &s.soft_series[k]});
     tables.push_back({"steps.csv", &s.step_series});
     return tables;
 }
@@ -134,6 +136,7 @@ void LiveTables::record(const Simulation& s) {
     for (const Series& series : s.finger_series) take(series);
     for (const RigidShape& o : s.world.shapes)
         if (body_of(o) >= 0) take(s.body_series[std::size_t(body_of(o))]);
+    for (const Series& series : s.soft_series) take(series);
     take(s.step_series);
 }
 

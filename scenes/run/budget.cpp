@@ -40,11 +40,11 @@ std::string key_of(const std::filesystem::path& scene, const std::vector<std::st
 }
 
 double measure_p99_ms(const std::filesystem::path& scene, const std::vector<std::string>& overrides, int threads,
-                      const std::atomic<bool>& stop) {
+                      const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
     Simulation s = make_simulation(load_scene(scene, overrides), threads);
     s.governor.reset();
     s.scene.duration = std::min(s.scene.duration, std::max(1.0, 0.5 * s.scene.duration));
-    run(s, stop, {});
+    run(s, stop, [&](const StepInputs&, double share) { progress(share); });
     auto total = s.step_series.column("total_us");
     std::sort(total.begin(), total.end());
     return total.empty() ? 0 : 1e-3 * total[std::size_t(0.99 * double(total.size() - 1))];
@@ -60,7 +60,8 @@ std::string processor() {
 }
 
 BudgetChoice preset_within(double budget_ms, const std::filesystem::path& scene,
-                           const std::vector<std::string>& overrides, int threads, const std::atomic<bool>& stop) {
+                           const std::vector<std::string>& overrides, int threads, const std::atomic<bool>& stop,
+                           const std::function<void(double)>& progress) {
     BudgetChoice choice;
     const std::filesystem::path folder = cache_folder();
     for (auto preset = preset_names().rbegin(); preset != preset_names().rend() && !stop; ++preset) {
@@ -72,7 +73,9 @@ BudgetChoice preset_within(double budget_ms, const std::filesystem::path& scene,
         if (!time.cached) {
             std::vector<std::string> tried = overrides;
             tried.push_back("solver.preset=" + *preset);
-            time.p99_ms = measure_p99_ms(scene, tried, threads, stop);
+            time.p99_ms = measure_p99_ms(scene, tried, threads, stop, [&](double share) {
+                if (progress) progress((double(choice.tried.size()) + share) / double(preset_names().size()));
+            });
             // A calibration that cannot be kept is made again next time.
             std::error_code error;
             std::filesystem::create_directories(folder, error);

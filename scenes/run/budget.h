@@ -22,7 +22,8 @@ struct BudgetChoice {
 /// Runs half of the scene, and a second of it at least, with each preset from the most accurate on until one keeps the
 /// budget. What that measures is kept in $XDG_CACHE_HOME/palpate (or ~/.cache/palpate), one small file per calibration.
 BudgetChoice preset_within(double budget_ms, const std::filesystem::path& scene,
-                           const std::vector<std::string>& overrides, int threads, const std::atomic<bool>& stop);
+                           const std::vector<std::string>& overrides, int threads, const std::atomic<bool>& stop,
+                           const std::function<void(double)>& progress = {});
 
 /// The processor's name, for people and for keys.
 std::string processor();

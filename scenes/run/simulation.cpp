@@ -7,6 +7,7 @@
 #include "scenes/run/finger_output.h"
 #include "scenes/run/grasp.h"
 #include "scenes/run/hardware.h"
+#include "scenes/run/soft_series.h"
 
 namespace palpate {
 
@@ -89,6 +90,7 @@ void record_finger(Simulation& s, std::size_t i) {
 void record(Simulation& s, const StepInputs& inputs) {
     for (std::size_t i = 0; i < s.fingers.size(); ++i) record_finger(s, i);
     record_bodies(s);
+    record_soft_objects(s);
     const StepProfile& p = s.world.profile;
     s.step_series.values.push_back(s.world.time);
     for (const auto& [name, seconds] : step_systems) s.step_series.values.push_back(1e6 * (p.*seconds));
@@ -129,6 +131,10 @@ void prepare_series(Simulation& s) {
     for (std::size_t b = 0; b < s.world.bodies.size(); ++b) {
         s.body_series.push_back({body_columns(s), {}});
         s.body_series.back().reserve(steps);
+    }
+    for (std::size_t k = 0; k < s.world.soft.all.size(); ++k) {
+        s.soft_series.push_back({soft_columns(), {}});
+        s.soft_series.back().reserve(steps);
     }
     s.step_series.columns = step_columns;
     if (s.governor) s.step_series.columns.emplace_back("preset");

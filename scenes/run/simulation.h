@@ -57,6 +57,7 @@ struct Simulation {
     std::vector<FingerCounts> finger_counts;          ///< per finger
     std::vector<FixedSkin> fixed_skins;               ///< per finger
     std::vector<Series> body_series;                  ///< per body, one row per step (grasp.h)
+    std::vector<Series> soft_series;                  ///< per object of tissue, one row per step (soft_series.h)
     std::vector<LastGrip> last_grips;                 ///< per body and finger
     DetailCount detail;                               ///< what was left out so far
     Series step_series;                               ///< wall time per system, one row per step

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "scenes/run/hardware.h"
+#include "scenes/run/soft_series.h"
 
 namespace palpate {
 
@@ -80,22 +81,19 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
     return f;
 }
 
-SoftSummary summarise_soft(const World& w, const SoftObject& o) {
+SoftSummary summarise_soft(const Simulation& s, std::size_t k) {
+    const SoftObject& o = s.world.soft.all[k];
     SoftSummary out;
     out.name = o.skin.name;
     out.elements = int(o.skin.mesh.tets.size());
     out.force_N = o.surface.normal_force;
     out.area_mm2 = 1e6 * o.surface.touching_area;
-    out.converged =
-        w.chunks.doubles[std::size_t(o.skin.chunk)].status[std::size_t(o.skin.lane)].converged || w.step == 0;
-    const Pose<double>& pose = w.shapes[std::size_t(o.object)].pose;
-    const std::vector<Point> now = soft_positions(w, o);
-    for (const int i : o.skin.mesh.pad_nodes) {
-        const Point &r = o.skin.mesh.nodes[std::size_t(i)], &x = now[std::size_t(i)];
-        const Vec3<double> way =
-            inverse_transform(pose, Vec3<double>{x[0], x[1], x[2]}) - Vec3<double>{r[0], r[1], r[2]};
-        out.dent_mm = std::max(out.dent_mm, 1e3 * norm(way));
-    }
+    out.converged = has_converged(s.world, o);
+    out.dent_mm = 1e3 * deepest_dent(s.world, o);
+    const Series& series = s.soft_series[k];
+    for (const double force : series.column("contact_force_N")) out.peak_force_N = std::max(out.peak_force_N, force);
+    for (const double dent : series.column("dent_mm")) out.deepest_dent_mm = std::max(out.deepest_dent_mm, dent);
+    if (series.rows() > 0) out.converged_share = mean(series.column("converged"));
     return out;
 }
 
@@ -151,7 +149,7 @@ Summary summarise(const Simulation& s) {
     for (const Coupling& c : s.world.couplings) out.slowed_steps += c.slowed;
     for (std::size_t i = 0; i < s.fingers.size(); ++i) out.fingers.push_back(summarise_finger(s, i));
     out.bodies = summarise_bodies(s);
-    for (const SoftObject& o : s.world.soft.all) out.soft_objects.push_back(summarise_soft(s.world, o));
+    for (std::size_t k = 0; k < s.world.soft.all.size(); ++k) out.soft_objects.push_back(summarise_soft(s, k));
     out.warnings = s.scene.warnings;
     return out;
 }

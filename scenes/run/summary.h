@@ -45,6 +45,8 @@ struct SoftSummary {
     double force_N = 0, area_mm2 = 0;  ///< with which all that touches it presses it
     double dent_mm = 0;                ///< how far its surface has moved, at most
     bool converged = true;
+    double peak_force_N = 0, deepest_dent_mm = 0;  ///< of the whole run
+    double converged_share = 1;                    ///< of its steps
 };
 
 struct Summary {

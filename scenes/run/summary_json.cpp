@@ -76,7 +76,10 @@ nlohmann::json to_json(const Summary& s) {
                                      {"force_N", o.force_N},
                                      {"area_mm2", o.area_mm2},
                                      {"dent_mm", o.dent_mm},
-                                     {"converged", o.converged}});
+                                     {"converged", o.converged},
+                                     {"peak_force_N", o.peak_force_N},
+                                     {"deepest_dent_mm", o.deepest_dent_mm},
+                                     {"converged_share", o.converged_share}});
     for (const BodySummary& b : s.bodies) {
         nlohmann::json k{{"name", b.name},       {"held_s", b.held_s},
                          {"slip_mm", b.slip_mm}, {"drift_mm", b.drift_mm},

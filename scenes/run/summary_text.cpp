@@ -162,9 +162,10 @@ std::string soft_objects(const Summary& s) {
     std::string out;
     for (const SoftSummary& o : s.soft_objects)
         out += wrapped(
-            written("soft object %s (%d elements), at the end: pressed with %.3f N on %.0f mm2, dented by %.2f mm%s",
-                    o.name.c_str(), o.elements, o.force_N, o.area_mm2, o.dent_mm,
-                    o.converged ? "" : "; its last step has not converged"));
+            written("soft object %s (%d elements): pressed with up to %.3f N, dented by up to %.2f mm, %.1f %% of "
+                    "its steps converged; at the end %.3f N on %.0f mm2, %.2f mm%s",
+                    o.name.c_str(), o.elements, o.peak_force_N, o.deepest_dent_mm, 100 * o.converged_share, o.force_N,
+                    o.area_mm2, o.dent_mm, o.converged ? "" : ", not converged"));
     return out;
 }
 

@@ -140,6 +140,7 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
         }
         if (std::find(goes_on.begin(), goes_on.end(), 1) == goes_on.end()) break;
         step(world, threads);
+        if (s.progress) s.progress(std::min(1.0, double(k) / s.steps));
         for (std::size_t i = 0; i < count; ++i)
             if (goes_on[i]) curves[i].points.push_back(read_point(world, i, spec.fingers[i], is_pad[i]));
     }

@@ -2,6 +2,7 @@
 // The standard experiment on a finger: a flat plate is pressed on it, and force, displacement and contact area are
 // read.
 
+#include <functional>
 #include <vector>
 
 #include "engine/build.h"
@@ -26,6 +27,7 @@ struct IndentationSettings {
     double shear = 0;         ///< after that, moved across the plate, to the radial side, by this [m]
     int shear_steps = 20;     ///< in so many steps
     double tolerance = 1e-5;  ///< of the solve, relative to the forces acting
+    std::function<void(double)> progress = {};  ///< told the share that is done
 };
 
 /// State of one finger at one displacement.

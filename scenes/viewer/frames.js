@@ -5,6 +5,10 @@ window.addEventListener('error', event => { document.body.dataset.error = event.
 
 const dark = Boolean(window.matchMedia) && window.matchMedia('(prefers-color-scheme: dark)').matches;
 const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), stage = run.stage;
+const inHtml = text => text.replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
+/** A name as it is shown: its ends, where it is long. */
+const shownName = name => { const all = Array.from(name); return all.length > 22 ? all.slice(0, 12).join('') + '…' + all.slice(-8).join('') : name; };
+for (const finger of stage.fingers) finger.name = shownName(finger.name);
 for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
 const hand_bone_count = 16;
 const palette = dark  // of fingers
@@ -26,26 +30,27 @@ function readFrame(view, at) {
   const frame = { time: f32(), step_us: f32(), fingers: [], objects: [], thimbles: [] };
   for (const finger of stage.fingers) {
     const n = finger.rest.length / 3;
-    const f = { bone: pose(), force: f32(), area: f32(), position: new Float32Array(3 * n), pressure: new Float32Array(n),
-      stretch: new Float32Array(n), limited: new Uint8Array(n), forces: new Float32Array(3 * finger.samples.length) };
+    const f = { bone: pose(), force: f32(), area: f32() }, pressure_unit = 1e-3 * f32(), force_unit = f32();
+    Object.assign(f, { position: new Float32Array(3 * n), pressure: new Float32Array(n),
+      stretch: new Float32Array(n), limited: new Uint8Array(n), forces: new Float32Array(3 * finger.samples.length) });
     for (let i = 0; i < n; ++i) {
       for (let d = 0; d < 3; ++d) f.position[3 * i + d] = 2e-3 * i16();
-      p += 2; f.pressure[i] = 0.01 * view.getUint16(p - 2, true);
+      p += 2; f.pressure[i] = pressure_unit * view.getUint16(p - 2, true);
       f.stretch[i] = view.getUint8(p++);
       f.limited[i] = view.getUint8(p++);
     }
-    for (let i = 0; i < f.forces.length; ++i) f.forces[i] = 2e-4 * i16();
+    for (let i = 0; i < f.forces.length; ++i) f.forces[i] = force_unit * i16();
     frame.fingers.push(f);
   }
   for (const object of stage.objects) {
     const at = pose();
     frame.objects.push(at);
     if (object.kind !== 'soft') continue;
-    const n = object.vertices.length / 3;
+    const n = object.vertices.length / 3, unit = 1e-3 * f32();
     at.position = new Float32Array(3 * n), at.pressure = new Float32Array(n);
     for (let i = 0; i < n; ++i) {
       for (let d = 0; d < 3; ++d) at.position[3 * i + d] = 1e3 * f32();
-      p += 2; at.pressure[i] = 0.01 * view.getUint16(p - 2, true);
+      p += 2; at.pressure[i] = unit * view.getUint16(p - 2, true);
     }
   }
   for (const thimble of stage.thimbles) {
@@ -55,10 +60,11 @@ function readFrame(view, at) {
     p += 4; t.contact = view.getUint32(p - 4, true) !== 0;
     t.links = thimble.links.map(count => Float32Array.from({ length: 3 * count }, () => 1e-2 * i16()));
     const { rest, samples } = stage.fingers[thimble.finger], n = rest.length / 3;
-    t.felt = { force: f32(), position: new Float32Array(3 * n), pressure: new Float32Array(n), touches: [] };
+    const force = f32(), unit = 1e-3 * f32();
+    t.felt = { force, position: new Float32Array(3 * n), pressure: new Float32Array(n), touches: [] };
     for (let i = 0; i < n; ++i) {
       for (let d = 0; d < 3; ++d) t.felt.position[3 * i + d] = 2e-3 * i16();
-      p += 2; t.felt.pressure[i] = 0.01 * view.getUint16(p - 2, true);
+      p += 2; t.felt.pressure[i] = unit * view.getUint16(p - 2, true);
     }
     for (let i = 0; i < samples.length; ++i) t.felt.touches.push(view.getUint8(p++));
     frame.thimbles.push(t);
@@ -86,10 +92,10 @@ for (const q of Object.values(quantities)) { q.most = q.least; q.peaks = []; }
 /** The scale of each finger's own pad: pressure [kPa] alone. */
 const pad_scales = stage.fingers.map(() => ({ least: 1, most: 1, peaks: [] }));
 let pressure_fixed = null;  // by a person [kPa]: of all fingers, the same
-/** Not below x, and reads well: 1, 2 or 5 times a power of ten. */
+/** Not below x, and reads well: as in pictures. */
 function roundUp(x) {
   const power = Math.pow(10, Math.floor(Math.log10(x) + 1e-9)), m = x / power;
-  return power * (m <= 1.000001 ? 1 : m <= 2 ? 2 : m <= 5 ? 5 : 10);
+  return Number((power * [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10].find(step => m <= step * (1 + 1e-6))).toPrecision(3));
 }
 /** Scales end where the scene or the run's pictures have their end, else where 19 of 20 frames with contact have their
     peak: single spikes do not wash out the rest. */

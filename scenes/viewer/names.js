@@ -4,6 +4,7 @@
 const name_height = 19;
 const name_lines = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
 name_lines.id = 'name-lines';
+name_lines.setAttribute('aria-hidden', 'true');
 by('stage').append(name_lines);
 const tags = stage.fingers.map((finger, k) => {
   const tag = document.createElement('div');

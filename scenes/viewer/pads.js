@@ -3,11 +3,21 @@
 // touched area, the centre of pressure; and beside it, with a thimble, what its platform makes the pad feel, on the same
 // scale.
 
-const pad_reach = 14.8;  // what a cell shows on each side of a pad's middle [mm]
-const pad_camera = new THREE.OrthographicCamera(-pad_reach, pad_reach, pad_reach, -pad_reach, 1, 400);
-pad_camera.up.set(1, 0, 0);
-pad_camera.position.set(0, 0, -200);
-pad_camera.lookAt(0, 0, 0);
+/** From where each finger's pad is seen: the middle of its skin in the middle, all at one scale. */
+const pad_cameras = (() => {
+  const ends = stage.fingers.map(({ rest }) => [0, 1].map(d => {
+    const along = rest.filter((_, i) => i % 3 === d);
+    return [Math.min(...along), Math.max(...along)];
+  }));
+  const reach = 0.6 + Math.max(14, ...ends.flat().map(([low, high]) => (high - low) / 2));  // [mm]
+  return ends.map(([[low, high]]) => {
+    const from = new THREE.OrthographicCamera(-reach, reach, reach, -reach, 1, 400), middle = (low + high) / 2;
+    from.up.set(1, 0, 0);
+    from.position.set(middle, 0, -200);
+    from.lookAt(middle, 0, 0);
+    return from;
+  });
+})();
 
 function padCell(kind, finger) {
   const world = new THREE.Scene(), label = document.createElement('div');
@@ -151,6 +161,6 @@ function drawPads(layout, width, frame, all, part) {
   layout.cells.forEach((cell, k) => {
     if (!all && !isTurn(k)) return;
     showCell(cell, frame);
-    part(...here(k), side, side, cell.world, pad_camera);
+    part(...here(k), side, side, cell.world, pad_cameras[cell.finger]);
   });
 }

@@ -105,7 +105,7 @@ function drawPlots() {
 /** The plots shown, one below the other. Points of a curve are times and values as they are; its transform places them. */
 function plotsSvg(w = 640, h = 170) {
   const colours = { ink: '#1c2430', soft: '#5b6675', border: '#d5dbe3' };
-  const safe = text => text.replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`), list = plots.filter(plot => plot.shown);
+  const list = plots.filter(plot => plot.shown);
   const points = at => at.map(([x, y]) => `${Number(x.toPrecision(7))},${Number(y.toPrecision(6))}`).join(' ');
   const one = (plot, k) => {
     const items = itemsOf(plot, w, h - 16);
@@ -115,14 +115,14 @@ function plotsSvg(w = 640, h = 170) {
     return `<g transform="translate(0 ${20 + k * h})" data-quantity="${plot.id}">\n` +
       items.lines.map(l => `<polyline points="${points(l.at)}" stroke="${colours[l.colour] || l.colour}"${
         l.dashed ? ' stroke-dasharray="4 3"' : ''}/>\n`).join('') +
-      items.curves.map(c => `<polyline class="curve" data-name="${safe(c.name)}" transform="${transform}" stroke="${c.colour}" ` +
+      items.curves.map(c => `<polyline class="curve" data-name="${inHtml(c.name)}" transform="${transform}" stroke="${c.colour}" ` +
         `vector-effect="non-scaling-stroke" points="${points(c.at)}"/>\n`).join('') +
       texts.map(t => `<text x="${t.x.toFixed(1)}" y="${t.y.toFixed(1)}" text-anchor="${t.align}" stroke="none" fill="${
-        colours[t.colour] || t.colour}">${safe(t.text)}</text>\n`).join('') + '</g>\n';
+        colours[t.colour] || t.colour}">${inHtml(t.text)}</text>\n`).join('') + '</g>\n';
   };
   return `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${w} ${20 + list.length * h}" width="${w}" height="${
     20 + list.length * h}" font-family="sans-serif" font-size="11" fill="none">\n<rect width="100%" height="100%" fill="#fff"/>\n` +
-    `<text x="${left}" y="14" font-weight="600" fill="#1c2430">${safe(stage.title)}</text>\n${list.map(one).join('')}</svg>\n`;
+    `<text x="${left}" y="14" font-weight="600" fill="#1c2430">${inHtml(stage.title)}</text>\n${list.map(one).join('')}</svg>\n`;
 }
 
 /** Keys: the next quantity alone, and all at last. */

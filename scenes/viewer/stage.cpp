@@ -29,11 +29,19 @@ void put_pose(std::vector<std::uint8_t>& out, const Pose<double>& p) {
     put_floats(out, {p.position.x, p.position.y, p.position.z, p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z});
 }
 
-/// Where a node is in the bone's frame, and the pressure on it [Pa].
-void put_node(std::vector<std::uint8_t>& out, const Vec3<double>& x, double pressure) {
+/// Where a node is in the bone's frame, and the pressure on it in units [Pa].
+void put_node(std::vector<std::uint8_t>& out, const Vec3<double>& x, double pressure, float unit) {
     for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, x[d], 2e-6);
-    put_scaled<std::uint16_t>(out, pressure, 10);
+    put_scaled<std::uint16_t>(out, pressure, double(unit));
 }
+/// The unit in which none of several numbers, and nothing below `least`, is out of a range.
+float unit_for(const std::vector<double>& values, double least, double range) {
+    double most = least;
+    for (const double v : values)
+        if (std::isfinite(v)) most = std::max(most, std::abs(v));
+    return float(most / range * (1 + 1e-6));
+}
+constexpr double least_pressure = 1000, unsigned_range = 65535, signed_range = 32767;  // [Pa]
 /// Pressure on every node of a mesh by the forces on its samples [Pa].
 std::vector<double> pressures(const TetMesh& mesh, const std::vector<Vec3<double>>& force,
                               const std::vector<double>& area) {
@@ -84,15 +92,19 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
     const Strains strains = strains_of(mesh, now, s.scene.spec.fingers[row]);
     const std::vector<double> pressure = pressures(mesh, contact.force, contact.area);
     put_pose(out, bone);
-    put_floats(out, {contact.normal_force, contact.touching_area});
+    std::vector<double> forces;
+    for (const Vec3<double>& f : contact.force)
+        for (int d = 0; d < 3; ++d) forces.push_back(f[d]);
+    const float pressure_unit = unit_for(pressure, least_pressure, unsigned_range),
+                force_unit = unit_for(forces, 0.1, signed_range);
+    put_floats(out, {contact.normal_force, contact.touching_area, pressure_unit, force_unit});
     for (int i : skin_nodes(mesh)) {
         const Point& x = now[std::size_t(i)];
-        put_node(out, inverse_transform(bone, Vec3<double>{x[0], x[1], x[2]}), pressure[std::size_t(i)]);
+        put_node(out, inverse_transform(bone, Vec3<double>{x[0], x[1], x[2]}), pressure[std::size_t(i)], pressure_unit);
         put_scaled<std::uint8_t>(out, strains.departure[std::size_t(i)], 0.01);
         put(out, std::uint8_t(strains.limited[std::size_t(i)]));
     }
-    for (const Vec3<double>& f : contact.force)
-        for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, f[d], 2e-4);
+    for (const double f : forces) put_scaled<std::int16_t>(out, f, double(force_unit));
 }
 
 /// A soft object's skin, in the frame of its pose.
@@ -100,11 +112,13 @@ void append_soft(std::vector<std::uint8_t>& out, const World& world, const SoftO
     const Pose<double>& pose = world.shapes[std::size_t(o.object)].pose;
     const std::vector<Point> now = soft_positions(world, o);
     const std::vector<double> pressure = pressures(o.skin.mesh, o.surface.force, o.surface.area);
+    const float unit = unit_for(pressure, least_pressure, unsigned_range);
+    put(out, unit);
     for (int i : skin_nodes(o.skin.mesh)) {
         const Point& x = now[std::size_t(i)];
         const Vec3<double> here = inverse_transform(pose, Vec3<double>{x[0], x[1], x[2]});
         put_floats(out, {here.x, here.y, here.z});
-        put_scaled<std::uint16_t>(out, pressure[std::size_t(i)], 10);
+        put_scaled<std::uint16_t>(out, pressure[std::size_t(i)], double(unit));
     }
 }
 
@@ -126,10 +140,11 @@ void append_thimble(std::vector<std::uint8_t>& out, const Matching& m) {
 void append_rendered(std::vector<std::uint8_t>& out, const TetMesh& mesh, const ContactSurface& wanted,
                      const RenderedPad& pad) {
     const std::vector<double> pressure = pressures(mesh, pad.force, wanted.area);
-    put(out, float(pad.normal_force));
+    const float unit = unit_for(pressure, least_pressure, unsigned_range);
+    put_floats(out, {pad.normal_force, unit});
     for (int i : skin_nodes(mesh)) {
         const Point& x = pad.position[std::size_t(i)];
-        put_node(out, {x[0], x[1], x[2]}, pressure[std::size_t(i)]);
+        put_node(out, {x[0], x[1], x[2]}, pressure[std::size_t(i)], unit);
     }
     for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
         put(out, std::uint8_t((wanted.touches[k] ? 1 : 0) | (pad.touches[k] ? 2 : 0)));

@@ -6,7 +6,8 @@
 
 const view = { target: new THREE.Vector3(), beside: new THREE.Vector3(), finger: -1 };
 const frames = [], most_frames = run.live ? 1800 : Infinity;
-let now = 0, playing = true, elapsed = 0, largest_force = 1e-6, largest_sum = stage.force_N || 0.5;
+const unwelcome_motion = Boolean(window.matchMedia) && window.matchMedia('(prefers-reduced-motion: reduce)').matches;
+let now = 0, playing = run.live || !unwelcome_motion, elapsed = 0, largest_force = 1e-6, largest_sum = stage.force_N || 0.5;
 let contacts = [];  // of the frame shown
 
 let sharpening = null, drawn_as = '';
@@ -25,7 +26,7 @@ function draw(fineness = 1) {
   ++detail.turn;
   if (floors.length > 0 && (all || isTurn(0))) castShadow(renderer, scene, middleOf(frames[now], -1));
   renderer.setScissorTest(false);
-  if (all) renderer.clear();
+  if (all) renderer.setClearColor(air), renderer.clear();
   renderer.setScissorTest(true);
   const part = (x, y, w, h, what, from) => {
     renderer.setViewport(x, y, w, h);
@@ -166,12 +167,12 @@ function skinNear(object, frame) {
 
 function showNumbers(frame) {
   by('fingers').innerHTML = '<tr><th></th><th>force N</th><th>area mm²</th><th>peak kPa</th></tr>' +
-    frame.fingers.map((f, k) => `<tr><td style="color:${palette[k % palette.length]}">${stage.fingers[k].name}</td><td>` +
+    frame.fingers.map((f, k) => `<tr><td style="color:${palette[k % palette.length]}">${inHtml(stage.fingers[k].name)}</td><td>` +
       `${f.force.toFixed(3)}</td><td>${(1e6 * f.area).toFixed(1)}</td><td>${Math.max(...f.pressure).toFixed(1)}</td></tr>`)
       .join('');
   by('thimbles').innerHTML = frame.thimbles.map((t, k) => {
     const { joint_min: low, joint_max: high, finger } = stage.thimbles[k];
-    return `<div><span>${stage.fingers[finger].name}</span>` + t.q.map((q, j) => {
+    return `<div><span>${inHtml(stage.fingers[finger].name)}</span>` + t.q.map((q, j) => {
       const share = (q - low[j]) / (high[j] - low[j]);
       return `<div class="bar" title="${(q * 180 / Math.PI).toFixed(1)} degrees"><i class="${
         share < 0.005 || share > 0.995 ? 'at-limit' : ''}" style="left:calc(${100 * Math.min(1, Math.max(0, share))}% - 1px)"></i></div>`;
@@ -274,6 +275,7 @@ by('when').oninput = () => { play(false); show(Number(by('when').value)); };
 controls.addEventListener('change', () => { if (!following) draw(); });
 window.addEventListener('resize', () => { resize(); show(now); });
 resize();
+if (!playing) by('play').textContent = 'play';
 
 // ---- a report: all frames are here --------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@
 #include "scenes/load/scene.h"
 #include "scenes/run/simulation.h"
 #include "scenes/run/state.h"
+#include "scenes/run/summary.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -64,6 +65,28 @@ TEST(Soft, FingerAndObjectPressEachOtherAlike) {
         std::printf("%s: up to %.3f N; force balanced to %.1e, torque to %.1e\n", preset, worst.most, worst.force,
                     worst.torque);
     }
+}
+
+TEST(Soft, ATableSaysWhatBecameOfIt) {
+    Simulation s = load(slab());
+    double most = 0;
+    for (int k = 0; k < 90; ++k) {
+        advance(s);
+        most = std::max(most, s.world.soft.all[0].surface.normal_force);
+    }
+    ASSERT_EQ(s.soft_series.size(), 1u);
+    const Series& table = s.soft_series[0];
+    ASSERT_EQ(table.rows(), 90u);
+    const auto force = table.column("contact_force_N"), dent = table.column("dent_mm"), z = table.column("force_z_N");
+    EXPECT_GT(most, 0.1);
+    EXPECT_EQ(*std::max_element(force.begin(), force.end()), most);
+    EXPECT_NEAR(z.back(), -s.world.contact_surfaces[0].total.z, 1e-6 * most);
+    EXPECT_LT(dent.front(), 0.01);
+    EXPECT_GT(dent.back(), 0.2);
+    const Summary summary = summarise(s);
+    EXPECT_EQ(summary.soft_objects.at(0).peak_force_N, most);
+    EXPECT_EQ(summary.soft_objects[0].dent_mm, dent.back());
+    EXPECT_GE(summary.soft_objects[0].deepest_dent_mm, dent.back());
 }
 
 TEST(Soft, WhatIsHeldBearsWhatPresses) {

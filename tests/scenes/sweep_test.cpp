@@ -25,6 +25,40 @@ std::string text_of(const std::filesystem::path& file) {
     return text.str();
 }
 
+/// Columns of the widest line but for those that name a file.
+std::size_t widest_line(const std::string& text) {
+    std::istringstream lines(text);
+    std::size_t widest = 0;
+    for (std::string line; std::getline(lines, line);)
+        if (line.find('/') == std::string::npos) widest = std::max(widest, line.size());
+    return widest;
+}
+
+TEST(Compare, FitsATerminalAndSaysAllOfItAsJson) {
+    ScratchFolder scratch;
+    const std::string command = "compare " + scenes +
+                                "press.toml --set duration_s=0.3 --methods plane,unconstrained "
+                                "--kinds chinello-3rrs,chinello-3rrs --out " +
+                                scratch.path.string();
+    Outcome o = palpate_program(command);
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_NE(o.out.find("unconstrained"), std::string::npos) << o.out;
+    EXPECT_LE(widest_line(o.out), 80u) << o.out;
+    o = palpate_program(command + " --json");
+    EXPECT_EQ(o.code, 0) << o.out;
+    for (const char* key : {"\"field_p95_N\"", "\"by_least_squares\"", "\"wanted_shear_N\""})
+        EXPECT_NE(o.out.find(key), std::string::npos) << o.out;
+}
+
+TEST(Indent, FitsATerminal) {
+    ScratchFolder scratch;
+    const Outcome o =
+        palpate_program("indent index --depth-mm 2 --steps 10 --elements 200 --out " + scratch.path.string());
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_NE(o.out.find("contact area at 1 N"), std::string::npos) << o.out;
+    EXPECT_LE(widest_line(o.out), 80u) << o.out;
+}
+
 TEST(Sweep, AReferenceThatIsNotSureSaysSo) {
     ReferenceRun r;
     r.uncertainty.net = 0.019, r.uncertainty.field = 0.049;
@@ -145,6 +179,7 @@ TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     Outcome o = palpate_program(command);
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_NE(o.out.find("settings on the Pareto front"), std::string::npos) << o.out;
+    EXPECT_LE(widest_line(o.out), 80u) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "sweep.svg"));
     std::istringstream rows(text_of(scratch.path / "sweep.csv"));
     std::vector<double> errors;

@@ -18,6 +18,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/load/presets.h"
+#include "scenes/picture/scene_triangles.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/run/carry_over.h"
 #include "scenes/viewer/report.h"
@@ -55,9 +56,9 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
     constexpr std::size_t hand_bytes = hand_bone_count * (9 * 2 + 3 * 4);
     ASSERT_EQ(stage["hands"].size(), 1u);
-    EXPECT_EQ(frame.size(), 8 + 36 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
+    EXPECT_EQ(frame.size(), 8 + 44 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
                                 6 * (4 + 4 + 3 * 3) +      // two frames, three legs
-                                4 + 8 * nodes + samples +  // the pad on the platform
+                                8 + 8 * nodes + samples +  // the pad on the platform
                                 hand_bytes);
     // The platform presses about as hard as the table, and touches about the same samples.
     EXPECT_NEAR(felt[0].normal_force, s.world.contact_surfaces[0].normal_force, 0.1);
@@ -78,12 +79,15 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     for (std::size_t i = 0; i < nodes; ++i) {
         std::int16_t x[3];
         std::uint16_t p;
-        std::memcpy(x, &frame[44 + 10 * i], 6);
-        std::memcpy(&p, &frame[44 + 10 * i + 6], 2);
+        std::memcpy(x, &frame[52 + 10 * i], 6);
+        std::memcpy(&p, &frame[52 + 10 * i + 6], 2);
         for (int d = 0; d < 3; ++d) EXPECT_NEAR(2e-6 * x[d], finger["rest"][3 * i + d].get<double>(), 4e-3);
-        pressure = std::max(pressure, 0.01 * p);
+        pressure = std::max(pressure, 1e-3 * float_at(frame, 44) * p);
     }
-    EXPECT_GT(pressure, 1);  // kPa
+    const std::vector<double> felt_pressure = node_pressures(s.world, s.fingers[0]);
+    const double peak = 1e-3 * *std::max_element(felt_pressure.begin(), felt_pressure.end());
+    EXPECT_GT(peak, 1);  // kPa
+    EXPECT_NEAR(pressure, peak, 1e-4 * peak);
     for (const auto& t : finger["triangles"]) EXPECT_LT(t.get<std::size_t>(), nodes);
     // The hand of the page is the picture's, to a tenth of a millimetre.
     const HandParts parts = hands_of(s.scene)[0];
