@@ -149,11 +149,12 @@ void read_scene(Section& root, Scene& scene, FingerTemplates& templates, Problem
     read_pair_frictions(root, scene);
     read_contact(root.table("contact", "Fingers against each other."), scene.spec);
     read_solver(root.table("solver", "How the skin is solved: accuracy against time."), scene);
-    if (Section picture =
-            root.table("picture", "Scales of pictures, films, reports and views; without it, as the run has it.")) {
-        picture.number("pressure_kPa", scene.scale_pressure, unit::kPa, {0.01, 1e6},
-                       "Where colours of contact pressure end.");
-        picture.number("force_N", scene.scale_force, unit::N, {1e-3, 1e6}, "Force whose arrow is longest.");
+    if (Section picture = root.table(
+            "picture", "Scales of pictures, films, reports and views; what it leaves out is as the run has it.")) {
+        std::optional<double> pressure, force;
+        picture.number("pressure_kPa", pressure, unit::kPa, {0.01, 1e6}, "Where colours of contact pressure end.");
+        picture.number("force_N", force, unit::N, {1e-3, 1e6}, "Force whose arrow is longest.");
+        scene.scale_pressure = pressure.value_or(0), scene.scale_force = force.value_or(0);
         picture.finish();
     }
     read_thimble_loop(root.table("thimbles", "What the loops of all thimbles share."), scene);

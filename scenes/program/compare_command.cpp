@@ -161,22 +161,22 @@ void print_table(const Comparison& c, std::size_t finger) {
     const auto& steps = c.steps[finger];
     std::printf("%s%s%s: %zu rendering steps with contact\n", c.fingers[finger].c_str(), c.kind.empty() ? "" : ", ",
                 c.kind.c_str(), steps.size());
-    std::printf("  %-14s %26s %10s %8s %8s\n", "", "sum |F_i - Fbar_i| [N]", "normal", "shear", "net");
-    std::printf("  %-14s %8s %8s %8s %10s %8s %8s %9s\n", "method", "mean", "p95", "largest", "mean N", "mean N", "N",
+    std::printf("  %-13s %26s %9s %8s %8s\n", "", "sum |F_i - Fbar_i| [N]", "normal", "shear", "net");
+    std::printf("  %-13s %8s %8s %8s %9s %8s %8s %9s\n", "method", "mean", "p95", "largest", "mean N", "mean N", "N",
                 "of wanted");
     std::vector<MethodFigures> all;
     for (std::size_t m = 0; m < c.methods.size(); ++m) all.push_back(figures_of(steps, m));
     auto name = [&](std::size_t m) { return method_names[std::size_t(c.methods[m])].c_str(); };
     for (std::size_t m = 0; m < all.size(); ++m) {
         const MethodFigures& f = all[m];
-        std::printf("  %-14s %8.4f %8.4f %8.4f %10.4f %8.4f %8.3f %7.1f %%\n", name(m), f.field.mean, f.field.p95,
+        std::printf("  %-13s %8.4f %8.4f %8.4f %9.4f %8.4f %8.3f %7.1f %%\n", name(m), f.field.mean, f.field.p95,
                     f.field.most, f.normal_N, f.shear_N, f.net_N, f.wanted_N > 0 ? 100 * f.field.mean / f.wanted_N : 0);
     }
-    std::printf("  %-14s %8s %8s %8s %10s %14s\n  %-14s %8s %8s %8s %10s %14s %15s\n", "", "torque", "area", "centre",
-                "match", "not", "method", "N mm", "mm2", "mm", "us median", "converged", "by least sq.");
+    std::printf("  %-13s %8s %8s %8s %10s %10s %10s\n", "", "torque", "area", "centre", "match us", "not", "by least");
+    std::printf("  %-13s %8s %8s %8s %10s %10s %10s\n", "", "N mm", "mm2", "mm", "median", "converged", "squares");
     for (std::size_t m = 0; m < all.size(); ++m) {
         const MethodFigures& f = all[m];
-        std::printf("  %-14s %8.3f %8.2f %8.3f %10.0f %14d %15d\n", name(m), f.torque_Nmm, f.area_mm2, f.centre_mm,
+        std::printf("  %-13s %8.3f %8.2f %8.3f %10.0f %10d %10d\n", name(m), f.torque_Nmm, f.area_mm2, f.centre_mm,
                     f.median_us, f.unconverged, f.least_squares);
     }
     std::printf("%s", wrapped(written("wanted shear (friction of the object): %.4f N on average; a platform without "

@@ -144,11 +144,13 @@ std::string settings_text(const SweepPlan& plan, const SweepPoint& p) {
 }
 
 void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& r) {
-    std::printf("\n%s: its own uncertainty is %.2g %% of the field, %.2g %% of the net force\n",
-                r.comparison == FieldComparison::grid ? "reference with a finer mesh (fields on a grid of 3 mm)"
-                                                      : "reference with a finer step",
-                100 * r.uncertainty.field, 100 * r.uncertainty.net);
-    if (const std::string unsure = doubt(r); !unsure.empty()) std::printf("  %s\n", unsure.c_str());
+    std::printf("\n%s", wrapped(written("%s: its own uncertainty is %.2g %% of the field, %.2g %% of the net force",
+                                        r.comparison == FieldComparison::grid
+                                            ? "reference with a finer mesh (fields on a grid of 3 mm)"
+                                            : "reference with a finer step",
+                                        100 * r.uncertainty.field, 100 * r.uncertainty.net))
+                            .c_str());
+    if (const std::string unsure = doubt(r); !unsure.empty()) std::printf("%s", wrapped(unsure, "  ").c_str());
     std::printf("\nfastest setting below an error of the force field:\n");
     for (double most : {0.10, 0.05, 0.01}) {
         const SweepPoint* best = nullptr;
@@ -239,7 +241,8 @@ References solve_references(const SweepArguments& a, const SweepPlan& plan, cons
         const double asked = a.reference_dt_ms, half = 0.5 * finest;
         const double dt_ms = kind == SweepReference::mesh ? std::max(asked, half) : asked > 0 ? asked : half;
         ReferenceRequest request{a.scene, a.overrides, dt_ms, period, a.threads, {}};
-        if (!a.quiet) request.progress = [](const std::string& what) { std::fprintf(stderr, "%s\n", what.c_str()); };
+        if (!a.quiet)
+            request.progress = [](const std::string& what) { std::fprintf(stderr, "%s", wrapped(what).c_str()); };
         references[kind] = solve_reference(request, plan, kind, stop);
     }
     return references;

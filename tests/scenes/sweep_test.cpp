@@ -242,7 +242,7 @@ TEST(Compare, KindsMethodsAndServo) {
         palpate_program("compare " + scenes + "press.toml --set duration_s=0.3 --servo --out " + scratch.path.string() +
                         " --kinds rrs-exact,serial-5dof --methods constrained,force");
     EXPECT_EQ(o.code, 0) << o.out;
-    EXPECT_NE(o.out.find("serial-5dof, force matching"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("index, serial-5dof: "), std::string::npos) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "index-rrs-exact-errors.csv"));
     EXPECT_EQ(palpate_program("compare " + scenes + "press.toml --kinds no-such-kind").code, 2);
 }
