@@ -155,7 +155,7 @@ function drawPads(layout, width, frame, all, part) {
       if (cell.kind === 'pad') cell.name.textContent = shortName(stage.fingers[cell.finger].name, side);
       const [x, y] = here(k);
       cell.label.classList.toggle('narrow', side < 84);
-      Object.assign(cell.label.style, { left: x + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 'px', height: (row - side - 6) + 'px' });
+      Object.assign(cell.label.style, { left: x - 2.5 + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 5 + 'px', height: (row - side - 6) + 'px' });
     });
   }
   layout.cells.forEach((cell, k) => {
