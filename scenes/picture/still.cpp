@@ -286,7 +286,8 @@ void Painter::paint_pads(const Simulation& s, Image& image, int top, int height)
         const double own = peak_of(s.world, finger) > 0 ? 0 : most_;
         paint_pad(image, s.world, finger,
                   {left + f * cell, top, cell, height, s.scene.spec.fingers[std::size_t(f)].name,
-                   settings_.scales.pads.empty() ? own : settings_.scales.pads[std::size_t(f)], settings_.dark, settings_.samples});
+                   settings_.scales.pads.empty() ? own : settings_.scales.pads[std::size_t(f)], settings_.dark,
+                   settings_.samples});
     }
 }
 
