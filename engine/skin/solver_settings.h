@@ -17,21 +17,21 @@ struct SolverSettings {
     double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change
     int contact_iterations = 3;          ///< most linear solves that follow contacts along one Newton direction
     double contact_share = 0.3;          ///< follow while contact leaves more than this share of the residual
-    int steadying_iterations = 12;       ///< most linear solves more in a step that would shake a body held by tissue at
-                                         ///< its limits (fitted.h: steady_share); 0: none
-    double limit_tolerance = 1e-3;       ///< relative excess allowed over a strain limit
-    double contact_tolerance = 2e-6;     ///< penetration allowed [m]
-    int sample_refinement = 1;           ///< 1: contact is decided at nodes; n: at n times as many points along edges
-    bool inertia = true;                 ///< false: static equilibrium
-    double sleep_speed = 1e-6;           ///< a finger near no object, slower than this and with a still target, sleeps
-                                         ///< [m/s]; 0 = never
-    double detail_penetration = 0;       ///< samples between nodes count only where they would be deeper in an object
-                                         ///< than this [m]; 0: always
-    double detail_error = 0;       ///< tissue stays linear while this adds no larger a force error, relative to the
-                                   ///< contact force; 0 = never
-    double detail_tolerance = 0;   ///< skin near no object, off its rest shape by less than this, moves with its
-                                   ///< bone as one [m]; 0 = never
-    double recovery_speed = 0.05;  ///< at which objects that overlap at the start of a step part [m/s]
+    int steadying_iterations = 12;    ///< most linear solves more in a step that would shake a body held by tissue at
+                                      ///< its limits (fitted.h: steady_share); 0: none
+    double limit_tolerance = 1e-3;    ///< relative excess allowed over a strain limit
+    double contact_tolerance = 2e-6;  ///< penetration allowed [m]
+    int sample_refinement = 1;        ///< 1: contact is decided at nodes; n: at n times as many points along edges
+    bool inertia = true;              ///< false: static equilibrium
+    double sleep_speed = 1e-6;        ///< a finger near no object, slower than this and with a still target, sleeps
+                                      ///< [m/s]; 0 = never
+    double detail_penetration = 0;    ///< samples between nodes count only where they would be deeper in an object
+                                      ///< than this [m]; 0: always
+    double detail_error = 0;          ///< tissue stays linear while this adds no larger a force error, relative to the
+                                      ///< contact force; 0 = never
+    double detail_tolerance = 0;      ///< skin near no object, off its rest shape by less than this, moves with its
+                                      ///< bone as one [m]; 0 = never
+    double recovery_speed = 0.05;     ///< at which objects that overlap at the start of a step part [m/s]
     /// Sentences about what is wrong; empty if nothing is.
     std::vector<std::string> validate() const;
 };

@@ -54,9 +54,10 @@ void read_solver(Section s, Scene& scene) {
               "Most linear solves that follow contacts along one Newton direction.");
     s.number("contact_share", v.contact_share, unit::one, contact_share,
              "Contacts are followed while they leave more than this share of the residual.");
-    s.integer("steadying_iterations", v.steadying_iterations, steadying_iterations,
-              "Most linear solves more in a step that would shake a body held by tissue at its strain limits, so that a "
-              "grasp comes to rest. 0: none. A step that `deadline_ms` sends to another preset has none.");
+    s.integer(
+        "steadying_iterations", v.steadying_iterations, steadying_iterations,
+        "Most linear solves more in a step that would shake a body held by tissue at its strain limits, so that a "
+        "grasp comes to rest. 0: none. A step that `deadline_ms` sends to another preset has none.");
     s.integer("sample_refinement", v.sample_refinement, sample_refinement,
               "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces.");
     s.number("limit_tolerance", v.limit_tolerance, unit::one, limit_tolerance,
