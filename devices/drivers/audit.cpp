@@ -15,7 +15,8 @@ bool Audit::write(const std::filesystem::path& file, const std::vector<BoardTran
                   double now) const {
     std::error_code ignored;
     if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), ignored);
-    const std::unique_ptr<FILE, int (*)(FILE*)> out(std::fopen(file.c_str(), "w"), &std::fclose);
+    const std::filesystem::path part = file.string() + ".part";
+    std::unique_ptr<FILE, int (*)(FILE*)> out(std::fopen(part.c_str(), "w"), &std::fclose);
     if (!out) return false;
     for (const BoardTransition& t : transitions)
         std::fprintf(out.get(), "# %.4f %s to %s: %s\n", t.at - now, name(t.from), name(t.to), t.reason.c_str());
@@ -26,7 +27,12 @@ bool Audit::write(const std::filesystem::path& file, const std::vector<BoardTran
                      v.arrived);
         v.age >= 0 ? std::fprintf(out.get(), "%.2f\n", 1e3 * double(v.age)) : std::fputs("\n", out.get());
     }
-    return std::fflush(out.get()) == 0;
+    bool whole = std::ferror(out.get()) == 0;
+    whole &= std::fclose(out.release()) == 0;
+    if (whole) std::filesystem::rename(part, file, ignored);
+    if (whole && !ignored) return true;
+    std::filesystem::remove(part, ignored);
+    return false;
 }
 
 }  // namespace palpate

@@ -36,7 +36,8 @@ class Audit {
     static constexpr std::size_t capacity = 131072;
     Audit() : ring_(capacity) {}
     void add(const SentValue& value) { ring_[next_++ % capacity] = value; }
-    /// Oldest first, as CSV, below the transitions as comments. False where it cannot be written.
+    /// Oldest first, as CSV, below the transitions as comments; whole, or not at all. False where it cannot be
+    /// written.
     bool write(const std::filesystem::path& file, const std::vector<BoardTransition>& transitions, double now) const;
 
   private:

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace palpate {
 
@@ -42,7 +43,6 @@ Board::Board(std::unique_ptr<BoardLink> link, std::filesystem::path audit)
     wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (wake_fd_ < 0) throw std::runtime_error("no event descriptor for the servo controller's thread");
     thread_ = std::thread([this] { serve(); });
-    come_before_other_work(thread_, 19);
 }
 
 Board::~Board() {
@@ -128,8 +128,8 @@ bool Board::drain(double seconds) const {
 
 BoardStatus Board::status() const {
     const std::lock_guard lock(problem_mutex_);
-    BoardStatus s{state(), fault_,  problem_, wakes_, writes_, values_, failures_,
-                  opened_, faults_, 0,        0,      {},      {},      transitions_};
+    BoardStatus s{state(), fault_, problem_, wakes_, writes_, values_,      failures_,   opened_,
+                  faults_, 0,      0,        {},     {},      transitions_, lost_audits_};
     s.write_p99_ms = 1e3 * latency_.quantile(0.99);
     s.write_worst_ms = 1e3 * latency_.worst();
     for (std::size_t c = 0; c < max_channels; ++c) {
@@ -177,9 +177,16 @@ void Board::latch(const LinkProblem& problem) {
     link_->deactivate();
     link_->close();
     next_open_ = device_clock() + 0.2 * retry_period;
-    if (!audit_file_.empty() && was_active)
-        audit_.write(audit_file_.string() + "_" + std::to_string(faults_) + ".csv", status().transitions,
-                     device_clock());
+    audit_due_ |= was_active && !audit_file_.empty();
+}
+
+/// Once nothing is urgent any more.
+void Board::write_audit() {
+    audit_due_ = false;
+    const std::string file = audit_file_.string() + "_" + std::to_string(faults_) + ".csv";
+    if (audit_.write(file, status().transitions, device_clock())) return;
+    const std::lock_guard lock(problem_mutex_);
+    lost_audits_ += (lost_audits_.empty() ? "" : ", ") + file;
 }
 
 bool Board::open_again() {
@@ -246,7 +253,7 @@ std::size_t Board::due_targets(std::span<ChannelTarget> targets, double now) {
 /// Sends what is not yet where it is wanted.
 void Board::write_changed() {
     std::array<ChannelTarget, max_channels> due;
-    std::array<double, max_channels> arrived{};
+    std::array<Transfer, max_channels> transfers{};
     const double began = device_clock();
     const std::size_t count = due_targets(due, began);
     if (count == 0) return;
@@ -257,32 +264,35 @@ void Board::write_changed() {
     const std::span<const ChannelTarget> targets(due.data(), count);
     for (const ChannelTarget& t : targets) underway_[std::size_t(t.channel)] = t.value;
     if (seized_) return;  // whoever seizes sees either this write, or none
-    const LinkProblem problem = link_->write(targets, std::span(arrived).first(count));
+    const LinkProblem problem = link_->write(targets, std::span(transfers).first(count));
     const double end = device_clock();
     bool given_up = false;
     for (std::size_t i = 0; i < count; ++i) {
-        note_write(targets[i], arrived[i], began, end);
+        note_write(targets[i], transfers[i], began, end);
         given_up |= write_watch_[std::size_t(targets[i].channel)].given_up(end);
     }
     if (moving_since_ == 0) moving_since_ = end;
     if (problem) return fail(problem, given_up);
     ++writes_;
     latency_.add(end - began);
+    write_takes_ = std::max(end - began, 0.9 * write_takes_);
     last_word_ = began;  // not its end: the process may have been stopped while it waited for that
 }
 
 /// For limits it was told at the end of the whole write, for its age as its own transfer ended.
-void Board::note_write(const ChannelTarget& target, double arrived_at, double began, double end) {
+void Board::note_write(const ChannelTarget& target, const Transfer& transfer, double began, double end) {
     const auto c = std::size_t(target.channel);
-    const bool arrived = arrived_at > 0;
+    const bool arrived = transfer.arrived > 0;
     Told& told = told_[c];
     position_unknown_ |= told.low == no_pulse;
-    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, end);
-    told.took = end - began;
+    const double over = std::max(end, transfer.arrived);
+    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, over, transfer.arrived - told.sent);
+    told.took = over - began;
+    told.sent = transfer.sent;
     sent_[c] = arrived ? target.value : no_pulse;
     underway_[c] = no_pulse;
     following_[c].told(target.value, end);
-    const double pose_at = due_pose_[c], age = (arrived ? arrived_at : end) - pose_at;
+    const double pose_at = due_pose_[c], age = (arrived ? transfer.arrived : end) - pose_at;
     audit_.add({end, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
     if (!arrived) return write_watch_[c].bad(began);
     write_watch_[c].good();
@@ -369,13 +379,35 @@ void Board::exchange() {
     if (state() == BoardState::active) end_easing();
 }
 
+/// How long nobody has to be told anything, but for what a tick brings. What servos catch up with is sent between
+/// ticks, and is out of their way.
+double Board::pause(double now) const {
+    constexpr double longest_period = 0.1;
+    if (!held_back_) return feed_period;
+    const double tick = woken_at_ + wakes_every_, begins = now + catch_up_period, ends = begins + write_takes_;
+    const bool in_its_way = wakes_every_ < longest_period && begins < tick && ends > tick;
+    return in_its_way ? tick + catch_up_period - now : catch_up_period;
+}
+
+/// A board that moves comes before other work; to look for one that is lost, and to write down why, can wait.
+void Board::take_turns(bool& urgent) {
+    if (const bool active = state() == BoardState::active; active != std::exchange(urgent, active))
+        come_before_other_work(pthread_self(), active ? 19 : 0);
+    if (!urgent && audit_due_) write_audit();
+}
+
 void Board::serve() {
+    bool urgent = false;
     while (true) {
         const bool last = stop_;
+        take_turns(urgent);
         pollfd wake{wake_fd_, POLLIN, 0};
-        if (!last) ::poll(&wake, 1, int(1e3 * (held_back_ ? catch_up_period : feed_period)));
+        if (!last) ::poll(&wake, 1, int(1e3 * pause(device_clock())));
         std::uint64_t count;
-        [[maybe_unused]] const auto got = ::read(wake_fd_, &count, sizeof count);
+        if (::read(wake_fd_, &count, sizeof count) > 0) {
+            const double now = device_clock();
+            wakes_every_ = now - std::exchange(woken_at_, now);
+        }
         if (seized_) {
             if (last) return;
             continue;
@@ -392,7 +424,7 @@ void Board::serve() {
             ++opened_;
             enter(BoardState::inactive, "found again; waits to be re-armed");
         }
-        if (last) return;
+        if (last) return take_turns(urgent);
     }
 }
 

@@ -27,6 +27,7 @@ struct BoardStatus {
     double write_p99_ms, write_worst_ms;
     std::array<std::int64_t, max_channels> write_failures, read_failures;  ///< per servo
     std::vector<BoardTransition> transitions;                              ///< the first and the last hundred
+    std::string lost_audits;                                               ///< files that could not be written
 };
 
 class Board {
@@ -73,6 +74,9 @@ class Board {
 
   private:
     void serve();
+    double pause(double now) const;
+    void take_turns(bool& urgent);
+    void write_audit();
     void ring();
     void exchange();
     void activate();
@@ -80,7 +84,7 @@ class Board {
     void take_positions(std::span<const WireValue> positions);
     std::size_t due_targets(std::span<ChannelTarget> targets, double now);
     void write_changed();
-    void note_write(const ChannelTarget& target, double arrived_at, double began, double end);
+    void note_write(const ChannelTarget& target, const Transfer& transfer, double began, double end);
     void write_changed_torques();
     void feed();
     void read_positions(double began);
@@ -112,12 +116,13 @@ class Board {
     std::atomic<bool> rearm_asked_{false}, stop_{false}, seized_{false}, waiting_{false};
     std::atomic<std::int64_t> wakes_{0}, writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
     std::array<double, max_channels> due_pose_{}, counted_pose_{};  ///< poses behind what is sent, and was counted [s]
-    bool easing_ = false, position_unknown_ = false, held_back_ = false;
+    bool easing_ = false, position_unknown_ = false, held_back_ = false, audit_due_ = false;
     double moving_since_ = 0;  ///< when the first value after activation was sent; 0: none was [s]
     double caught_up_since_ = 0, last_word_ = 0, next_feed_ = 0, next_open_ = 0;
+    double woken_at_ = 0, wakes_every_ = 0, write_takes_ = 0;  ///< the rhythm of ticks, and of what they send [s]
     LatencyHistogram latency_;
     mutable std::mutex problem_mutex_;
-    std::string problem_;
+    std::string problem_, lost_audits_;
     FaultKind fault_ = FaultKind::none;
     std::vector<BoardTransition> transitions_;
     int wake_fd_ = -1;

@@ -24,6 +24,12 @@ struct ChannelTarget {
     WireValue value;
 };
 
+/// When a target was on its way [s of device_clock].
+struct Transfer {
+    double sent = 0;     ///< no earlier than this did it arrive
+    double arrived = 0;  ///< no later than this; 0: it did not
+};
+
 /// Called by the board's thread alone, but for write_in_signal. No call may wait longer than 300 ms, but for open().
 /// Between open() and activate(), and after deactivate(), nothing may move.
 class BoardLink {
@@ -38,10 +44,9 @@ class BoardLink {
     virtual LinkProblem activate() { return {}; }
     /// Lets go of the servos, where they can let go: the last word as a fault latches. Problems change nothing.
     virtual void deactivate() {}
-    /// Sends targets. `arrived` [as targets] becomes when each did [s of device_clock]; 0 where it did not. Where it is
-    /// held up for longer than ask_first_after between two of them, as in a stopped process, the rest stays unsent,
-    /// which is a problem.
-    virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) = 0;
+    /// Sends targets, and says of each when. Where it is held up for longer than ask_first_after between two of them,
+    /// as in a stopped process, the rest stays unsent, which is a problem.
+    virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) = 0;
     /// Sends torque limits, where the servos have them.
     virtual LinkProblem write_torques(std::span<const ChannelTarget> /*limits*/) { return {}; }
     /// Keeps the controller's watchdog from biting, and asks how it is, and whether the watchdog has bitten.

@@ -3,6 +3,8 @@
 #include <cerrno>
 #include <csignal>
 #include <ctime>
+#include <stdexcept>
+#include <string>
 
 namespace palpate {
 
@@ -12,8 +14,7 @@ constexpr int deadly[] = {SIGABRT, SIGSEGV, SIGBUS,  SIGFPE,  SIGILL,    SIGSYS,
                           SIGXCPU, SIGALRM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGPROF, SIGPOLL, SIGSTKFLT, SIGPWR};
 constexpr double step = 0.02, at_most = 2;  ///< [s]
 
-// A signal handler sees nothing but what is global.
-std::array<std::atomic<Board*>, 16> boards{};
+std::array<std::atomic<Board*>, RestOnDeath::at_most> boards{};
 std::atomic<bool> entered{false};
 
 /// However many signals come meanwhile.
@@ -75,6 +76,7 @@ RestOnDeath::RestOnDeath(std::shared_ptr<Board> board) : board_(std::move(board)
         Board* none = nullptr;
         if (slot.compare_exchange_strong(none, board_.get())) return;
     }
+    throw std::runtime_error("a program drives " + std::to_string(at_most) + " servo controllers at most");
 }
 
 RestOnDeath::~RestOnDeath() {

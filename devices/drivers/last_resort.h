@@ -10,6 +10,8 @@ namespace palpate {
 /// handler already are left to it. (Against SIGKILL stands the controller's own watchdog.)
 class RestOnDeath {
   public:
+    static constexpr int at_most = 16;  ///< at a time, for a signal handler sees nothing but what is global
+    /// Throws std::runtime_error where there are as many already.
     explicit RestOnDeath(std::shared_ptr<Board> board);
     ~RestOnDeath();
     RestOnDeath(const RestOnDeath&) = delete;

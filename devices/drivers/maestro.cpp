@@ -156,6 +156,7 @@ class MaestroLink final : public BoardLink {
                 positions[std::size_t(c)] = s->position;
                 check_limits(c, *s);
             }
+        settings_.serial = info.serial;  // what comes back after a fault has to be this one
         return "";
     } catch (const std::exception& error) {
         close();
@@ -171,17 +172,17 @@ class MaestroLink final : public BoardLink {
         lock_.release();
     }
 
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
         return send_all(
-            targets.size(), [&](std::size_t i) { return set_target(targets[i].channel, targets[i].value); }, arrived);
+            targets.size(), [&](std::size_t i) { return set_target(targets[i].channel, targets[i].value); }, transfers);
     }
 
     LinkProblem feed() override {
         // Clearing errors feeds the watchdog, so they are asked for first.
-        double arrived[2]{};
+        Transfer transfers[2];
         const Request requests[2]{get_variables(channels_), clear_errors()};
         if (const auto p = send_all(
-                2, [&](std::size_t i) { return requests[i]; }, arrived))
+                2, [&](std::size_t i) { return requests[i]; }, transfers))
             return p;
         const Pending& reply = (*pending_)[0];
         const auto variables = parse_variables(
@@ -197,12 +198,12 @@ class MaestroLink final : public BoardLink {
 
     LinkProblem limit_speed(double share) override {
         std::array<Request, max_channels> requests;
-        std::array<double, max_channels> arrived{};
+        std::array<Transfer, max_channels> transfers;
         std::size_t count = 0;
         for (const auto& [channel, limits] : settings_.limits)
             if (limits.speed > 0) requests[count++] = set_speed(channel, speed_units(share * limits.speed));
         return send_all(
-            count, [&](std::size_t i) { return requests[i]; }, arrived);
+            count, [&](std::size_t i) { return requests[i]; }, transfers);
     }
 
     bool write_in_signal(std::span<const ChannelTarget> targets) noexcept override {
@@ -245,7 +246,7 @@ class MaestroLink final : public BoardLink {
     void set_limits();
     void check_limits(int channel, const ServoSetting& found) const;
     template <class RequestOf>
-    LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<double> arrived);
+    LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<Transfer> transfers);
     bool wait_for_all(std::size_t count, int milliseconds);
     static LinkProblem problem_of(int channel_index, const libusb_transfer& t);
 
@@ -321,7 +322,7 @@ LinkProblem MaestroLink::problem_of(int which, const libusb_transfer& t) {
 }
 
 template <class RequestOf>
-LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<double> arrived) {
+LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::span<Transfer> transfers) {
     if (!handle_ || context_->stuck) return {"the Maestro is not open", true, FaultKind::unplugged};
     LinkProblem problem;
     std::size_t submitted = 0;
@@ -337,6 +338,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
         libusb_fill_control_setup(p.buffer, r.type, r.request, r.value, r.index, r.length);
         libusb_fill_control_transfer(p.transfer, handle_.get(), p.buffer, finished, &p, timeout_ms);
         p.done = false;
+        transfers[i] = {device_clock(), 0};
         const int rc = libusb_submit_transfer(p.transfer);
         if (rc != 0) {
             p.done = true;
@@ -345,8 +347,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
                        gone ? FaultKind::unplugged : FaultKind::other};
             break;
         }
-        ++submitted;
-        context_->look();  // what is done by now: its time, and a board that is gone
+        ++submitted;  // what is done is looked at below: the last of them must not wait for that
     }
     if (!wait_for_all(submitted, int(timeout_ms) + 20)) {
         for (std::size_t i = 0; i < submitted; ++i)
@@ -360,7 +361,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
     }
     for (std::size_t i = 0; i < submitted; ++i) {
         const libusb_transfer& t = *(*pending_)[i].transfer;
-        arrived[i] = t.status == LIBUSB_TRANSFER_COMPLETED ? (*pending_)[i].done_at : 0;
+        if (t.status == LIBUSB_TRANSFER_COMPLETED) transfers[i].arrived = (*pending_)[i].done_at;
         if (const LinkProblem p = problem_of(int(i), t); p && (!problem || p.lost)) problem = p;
     }
     return problem;

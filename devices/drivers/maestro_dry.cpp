@@ -31,10 +31,10 @@ class DryLink final : public BoardLink {
     void close() override {
         if (log_) std::fflush(log_.get());
     }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
         for (std::size_t i = 0; i < targets.size(); ++i) {
             line(set_target(targets[i].channel, targets[i].value));
-            arrived[i] = device_clock();
+            transfers[i] = {device_clock(), device_clock()};
         }
         return {};
     }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <stdexcept>
 
@@ -17,8 +18,23 @@ namespace {
 using Clock = SerialLine::Clock;
 using std::chrono::milliseconds;
 
-constexpr int watchdog_ticks = 10;                ///< of a Dynamixel, 20 ms each
-constexpr auto ask_all_after = milliseconds(90);  ///< without a word, every servo's watchdog is looked at
+constexpr int attempts = 4;         ///< to get an answer, while nothing moves yet
+constexpr int watchdog_ticks = 10;  ///< of a Dynamixel, 20 ms each
+
+/// One packet for all targets, which arrive as its last byte has gone over the line, which takes so long a byte [s].
+LinkProblem write_in_one(SerialLine& line, const Bytes& packet, double byte_takes, std::span<Transfer> transfers) {
+    const double sent = device_clock();
+    const LinkProblem problem = line.write(packet);
+    const Transfer all{sent, device_clock() + byte_takes * double(packet.size())};
+    if (!problem) std::fill(transfers.begin(), transfers.end(), all);
+    return problem;
+}
+
+/// A Maestro's own USB port, which knows no baud.
+bool is_usb_all_the_way(const std::string& port) {
+    std::error_code none;
+    return std::filesystem::canonical(port, none).filename().string().starts_with("ttyACM");
+}
 
 /// In a signal handler: what fits into the line's buffer.
 bool write_now(int fd, SerialProtocol protocol, std::span<const ChannelTarget> targets) noexcept {
@@ -34,7 +50,9 @@ class CompactLink final : public BoardLink {
 
     std::string open(std::span<WireValue> positions) override try {
         close();
-        line_.open(settings_.port, settings_.baud ? settings_.baud : 57600);
+        const int baud = settings_.baud ? settings_.baud : 57600;
+        line_.open(settings_.port, baud);
+        byte_takes_ = is_usb_all_the_way(settings_.port) ? 0 : 10.0 / baud;
         for (int c : settings_.channels) positions[std::size_t(c)] = ask(compact::get_position(c));
         if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
         ask(compact::get_errors());  // of what was before
@@ -44,10 +62,8 @@ class CompactLink final : public BoardLink {
         return error.what();
     }
     void close() override { line_.close(); }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
-        const LinkProblem problem = line_.write(compact::set_targets(targets, true));
-        if (!problem) std::fill(arrived.begin(), arrived.end(), device_clock());
-        return problem;
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
+        return write_in_one(line_, compact::set_targets(targets, true), byte_takes_, transfers);
     }
     LinkProblem write_torques(std::span<const ChannelTarget>) override {
         return {"a Maestro cannot limit the force of its servos", true, FaultKind::refused};
@@ -90,6 +106,7 @@ class CompactLink final : public BoardLink {
 
     SerialBusSettings settings_;
     SerialLine line_;
+    double byte_takes_ = 0;
 };
 
 /// Dynamixel and Feetech bus servos. The line is half-duplex: nothing is said before an answer has come, or is overdue.
@@ -108,11 +125,9 @@ class ServoBus final : public BoardLink {
     void close() override;
     LinkProblem activate() override;
     void deactivate() override { switch_torque_off(settings_.channels); }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
-        const LinkProblem problem =
-            line_.write(dynamixel_ ? dynamixel::write_targets(targets) : feetech::write_targets(targets));
-        if (!problem) std::fill(arrived.begin(), arrived.end(), device_clock());
-        return problem;
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
+        return write_in_one(line_, dynamixel_ ? dynamixel::write_targets(targets) : feetech::write_targets(targets),
+                            10.0 / settings_.baud, transfers);
     }
     LinkProblem write_torques(std::span<const ChannelTarget> limits) override {
         return line_.write(dynamixel_ ? dynamixel::write_torques(limits) : feetech::write_torques(limits));
@@ -136,6 +151,7 @@ class ServoBus final : public BoardLink {
     void set(int id, const Register& r, int value);
     LinkProblem read_all(const Register& r, std::span<const int> ids, std::map<int, int>& values);
     LinkProblem problem_of(const StatusPacket& p);
+    void find_all(std::span<WireValue> positions);
     void prepare(int id, int position);
     int own_speed(double share) const;
     void switch_torque_off(std::span<const int> ids);
@@ -158,7 +174,7 @@ class ServoBus final : public BoardLink {
     SerialBusSettings settings_;
     bool dynamixel_;
     StatusReader reader_;
-    Clock::time_point asked_{};
+    double asked_ = 0;  ///< when servos answered last [s of device_clock]
     std::size_t next_watchdog_ = 0;
 };
 
@@ -218,7 +234,7 @@ LinkProblem ServoBus::read_all(const Register& r, std::span<const int> ids, std:
         for (int k = 0; k < r.size; ++k) value |= std::uint32_t(p->parameters[std::size_t(k)]) << 8 * k;
         values[p->id] = int(value);
     }
-    asked_ = Clock::now();
+    asked_ = device_clock();
     return complaint ? problem_of(*complaint) : problem;
 }
 
@@ -227,7 +243,7 @@ LinkProblem ServoBus::read_all(const Register& r, std::span<const int> ids, std:
 int ServoBus::ask(int id, const Register& r) {
     const int ids[] = {id};
     std::string problem;
-    for (int attempt = 0; attempt < 4; ++attempt) {
+    for (int attempt = 0; attempt < attempts; ++attempt) {
         if (attempt > 0) answer(Clock::now() + milliseconds(20 * attempt));  // what is late
         std::map<int, int> values;
         const LinkProblem found = read_all(r, ids, values);
@@ -284,14 +300,26 @@ void ServoBus::prepare(int id, int position) {
     set(id, goal(), position);
 }
 
+/// Where all servos are; asked again, as in ask().
+void ServoBus::find_all(std::span<WireValue> positions) {
+    std::string wrong;
+    for (int attempt = 0; attempt < attempts; ++attempt) {
+        if (attempt > 0) answer(Clock::now() + milliseconds(20 * attempt));
+        const LinkProblem problem = read(settings_.channels, positions);
+        wrong = problem.text;
+        for (int c : settings_.channels)
+            if (positions[std::size_t(c)] == no_pulse && !problem)
+                wrong = "no servo answers with id " + std::to_string(c);
+        if (wrong.empty()) return;
+        if (problem.lost) break;
+    }
+    throw std::runtime_error(settings_.port + ": " + wrong);
+}
+
 std::string ServoBus::open(std::span<WireValue> positions) try {
     close();
     line_.open(settings_.port, settings_.baud);
-    if (const auto problem = read(settings_.channels, positions))
-        throw std::runtime_error(settings_.port + ": " + problem.text);
-    for (int c : settings_.channels)
-        if (positions[std::size_t(c)] == no_pulse)
-            throw std::runtime_error(settings_.port + ": no servo answers with id " + std::to_string(c));
+    find_all(positions);
     for (int c : settings_.channels) prepare(c, positions[std::size_t(c)]);
     return "";
 } catch (const std::exception& error) {
@@ -339,7 +367,7 @@ void ServoBus::close() {
 LinkProblem ServoBus::feed() {
     if (!dynamixel_) return line_.is_open() ? LinkProblem{} : LinkProblem{"the serial port is not open", true};
     if (settings_.channels.empty()) return {};
-    const bool all = Clock::now() - asked_ > ask_all_after;
+    const bool all = device_clock() - asked_ > ask_first_after;
     const std::size_t turn = next_watchdog_++ % settings_.channels.size();
     const std::span<const int> ids(settings_.channels);
     std::map<int, int> values;

@@ -93,14 +93,14 @@ WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limit
     return WireValue(value);
 }
 
-Told told_after(const Told& before, WireValue value, bool arrived, const WireLimits& limits, double elapsed,
-                double now) {
+Told told_after(const Told& before, WireValue value, bool arrived, const WireLimits& limits, double elapsed, double now,
+                double apart) {
     if (before.low == no_pulse) return {value, value, now, 0};
     // It may have arrived, all the same.
     if (!arrived) return {std::min(before.low, value), std::max(before.high, value), now, 0};
     const double time = credit(elapsed), moved = double(value) - 0.5 * (double(before.low) + double(before.high));
     // A step is known to one value, which in next to no time is no speed: a servo goes no faster than limits let it.
-    double speed = time > 0 ? (std::abs(moved) + 1) / time : 0;
+    double speed = time > 0 ? (std::abs(moved) + 1) / std::max(time, apart) : 0;
     if (limits.acceleration > 0)
         speed = std::min(
             speed, std::max(0.0, std::copysign(1.0, moved) * lasting(before, elapsed)) + limits.acceleration * time);

@@ -59,6 +59,7 @@ struct Told {
     double at = 0;        ///< when [s]
     double velocity = 0;  ///< with which it was told to move then [wire values per second]
     double took = 0;      ///< how long telling it took, so that it may have stood since before `at` [s]
+    double sent = 0;      ///< no earlier than this did it arrive [s]
 };
 
 /// The last function before the wire: towards `wanted` from what the servo was told `elapsed` seconds ago, whatever of
@@ -69,9 +70,9 @@ struct Told {
 WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed);
 
 /// What a servo has been told once `value` was sent `elapsed` seconds after `before`; `arrived` says whether it surely
-/// was.
-Told told_after(const Told& before, WireValue value, bool arrived, const WireLimits& limits, double elapsed,
-                double now);
+/// was. `apart`: so long may lie between both arrivals, where a transfer was held up; it was as slow as that.
+Told told_after(const Told& before, WireValue value, bool arrived, const WireLimits& limits, double elapsed, double now,
+                double apart = 0);
 
 /// The last function before the wire for a torque limit on its way to `wanted`: it rises slowly, and falls at once.
 WireValue limit_torque_wire(WireValue wanted, WireValue sent, const WireLimits& limits, double elapsed);

@@ -72,11 +72,12 @@ class TextLink final : public BoardLink {
         order("rest");
     }
 
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
         for (std::size_t at = 0; at < targets.size(); at += text::most_targets) {
             const std::size_t count = std::min(text::most_targets, targets.size() - at);
+            const double sent = device_clock();
             if (const auto problem = order_targets("set", targets.subspan(at, count))) return problem;
-            std::fill_n(arrived.begin() + std::ptrdiff_t(at), count, device_clock());
+            std::fill_n(transfers.begin() + std::ptrdiff_t(at), count, Transfer{sent, device_clock()});
         }
         return {};
     }

@@ -32,11 +32,6 @@ class Context {
     /// Waits until done() or for `milliseconds`. False where it is not done.
     template <class Done>
     bool wait(Done done, int milliseconds);
-    /// Takes what is done, without waiting.
-    void look() {
-        timeval now{0, 0};
-        libusb_handle_events_timeout_completed(raw_, &now, nullptr);
-    }
     bool stuck = false;  ///< a transfer was never given back: nothing of this context is closed any more
 
   private:

@@ -8,14 +8,10 @@
 
 namespace palpate {
 
-double device_clock() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-void come_before_other_work(std::thread& thread, int priority) {
+void come_before_other_work(pthread_t thread, int priority) {
     sched_param wanted{};
     wanted.sched_priority = priority;
-    (void)pthread_setschedparam(thread.native_handle(), SCHED_FIFO, &wanted);
+    (void)pthread_setschedparam(thread, priority > 0 ? SCHED_FIFO : SCHED_OTHER, &wanted);
 }
 
 namespace {
@@ -28,7 +24,7 @@ constexpr double together = 0.5e-3;
 DeviceThread::DeviceThread(std::vector<ThimbleLoop*> loops) : loops_(std::move(loops)) {
     for (ThimbleLoop* loop : loops_) rearm(*loop, device_clock());
     thread_ = std::thread([this] { run(); });
-    come_before_other_work(thread_, 20);
+    come_before_other_work(thread_.native_handle(), 20);
 }
 
 void DeviceThread::stop() {

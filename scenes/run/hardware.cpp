@@ -265,6 +265,7 @@ std::string hardware_report(const Simulation& s) {
             (long long)b.failures, (long long)b.opened);
         text += line;
         if (!b.problem.empty()) text += "  last problem: " + b.problem + "\n";
+        if (!b.lost_audits.empty()) text += "  cannot be written: " + b.lost_audits + "\n";
         text += servo_failures(b);
         for (const BoardTransition& t : b.transitions)
             if (b.faults > 0) {

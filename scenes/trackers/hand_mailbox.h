@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "devices/loop/clock.h"
 #include "scenes/trackers/hand_recording.h"
 
 namespace palpate {
@@ -48,11 +49,11 @@ class HandMailbox {
     /// Newest pose of a finger; not valid before the first frame, where the tracker does not see the hand, and once the
     /// last frame is older than 0.25 s.
     TrackerPose::Sample newest(int hand, int finger) const;
-    /// When the hand's newest frame arrived [s of the steady clock]; 0 where newest() is not valid.
+    /// When the hand's newest frame arrived [s of device_clock]; 0 where newest() is not valid.
     double arrived_at(int hand) const;
 
   private:
-    using Clock = std::chrono::steady_clock;
+    using Clock = DeviceClock;
     struct Hand {
         HandFrame frame;
         Clock::time_point arrived{};

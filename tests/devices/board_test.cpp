@@ -5,72 +5,15 @@
 
 #include "devices/drivers/board.h"
 #include "devices/loop/device_thread.h"
-#include "tests/real_time.h"
+#include "tests/devices/fake_link.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
 using testing::eventually;
-
-/// A controller of our own, which remembers and breaks.
-struct FakeState {
-    std::mutex mutex;
-    std::vector<ChannelTarget> seen;
-    std::vector<double> times;        ///< of what was seen [s]
-    std::vector<std::size_t> counts;  ///< of targets that each write had
-    std::vector<double> speed_shares;
-    std::string calls;  ///< w: write, f: feed, F: one that took long; as they end
-    std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
-    std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
-};
-class FakeLink final : public BoardLink {
-  public:
-    explicit FakeLink(FakeState& state) : state_(state) { testing::ask_to_be_served_first(); }
-    std::string open(std::span<WireValue> positions) override {
-        if (!state_.there) return "not there";
-        positions[0] = 5000;
-        return "";
-    }
-    void close() override {}
-    void deactivate() override { ++state_.lets_go; }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
-        std::this_thread::sleep_for(std::chrono::milliseconds(state_.delay_ms));
-        if (state_.vanish) return {"gone", true, FaultKind::unplugged};
-        if (state_.refuse) return {"refused", false, FaultKind::refused};
-        const std::lock_guard lock(state_.mutex);
-        state_.calls += 'w';
-        state_.counts.push_back(targets.size());
-        LinkProblem problem;
-        for (std::size_t i = 0; i < targets.size(); ++i) {
-            if (targets[i].channel == state_.deaf) {
-                problem = {"refused", false, FaultKind::refused};
-                continue;
-            }
-            state_.seen.push_back(targets[i]), arrived[i] = device_clock() + 1e-3 * state_.apart_ms * double(i);
-            state_.times.push_back(device_clock());
-        }
-        return problem;
-    }
-    LinkProblem feed() override {
-        const int delay_ms = state_.feed_delay_ms.exchange(0);
-        std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
-        {
-            const std::lock_guard lock(state_.mutex);
-            state_.calls += delay_ms > 0 ? 'F' : 'f';
-        }
-        if (state_.complain) return {"reports errors", false, FaultKind::reported};
-        return state_.vanish ? LinkProblem{"gone", true, FaultKind::unplugged} : LinkProblem{};
-    }
-    LinkProblem limit_speed(double share) override {
-        const std::lock_guard lock(state_.mutex);
-        state_.speed_shares.push_back(share);
-        return {};
-    }
-
-  private:
-    FakeState& state_;
-};
+using testing::FakeLink;
+using testing::FakeState;
 
 TEST(Board, SendsOnlyWhatChanged) {
     FakeState state;
@@ -281,6 +224,21 @@ TEST(Board, FaultsAreWrittenDownWithWhatWasSentBefore) {
     }
 }
 
+TEST(Board, AnAuditThatCannotBeWrittenIsSaidAndLeavesNoPart) {
+    testing::ScratchFolder scratch;
+    FakeState state;
+    std::ofstream(scratch.path / "file") << "";
+    Board board(std::make_unique<FakeLink>(state), scratch.path / "file" / "audit");
+    Board full(std::make_unique<FakeLink>(state), scratch.path / "audit");
+    std::filesystem::create_symlink("/dev/full", scratch.path / "audit_1.csv.part");
+    state.there = false;
+    state.vanish = true;
+    for (Board* b : {&board, &full}) EXPECT_TRUE(eventually([&] { return !b->status().lost_audits.empty(); }));
+    EXPECT_NE(board.status().lost_audits.find("audit_1.csv"), std::string::npos);
+    EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(scratch.path / "audit_1.csv.part")));
+    EXPECT_FALSE(std::filesystem::exists(scratch.path / "audit_1.csv"));
+}
+
 TEST(Board, WhatWasWantedBeforeALossIsNotSentAfterIt) {
     FakeState state;
     auto board = std::make_shared<Board>(std::make_unique<FakeLink>(state));
@@ -396,7 +354,7 @@ class HostileLink final : public BoardLink {
         const std::lock_guard lock(judge_.mutex);
         judge_.active = false;
     }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<double> arrived) override {
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
         const std::lock_guard lock(judge_.mutex);
         ++judge_.writes;
         if (!judge_.open || !judge_.active) judge_.verdict += "told after a latch; ";
@@ -405,7 +363,7 @@ class HostileLink final : public BoardLink {
         for (std::size_t i = 0; i < targets.size(); ++i) {
             const bool lost = all_lost || judge_.chance(15);
             judge(targets[i], lost);
-            arrived[i] = lost ? 0 : device_clock();
+            transfers[i] = {device_clock(), lost ? 0 : device_clock()};
             if (lost) problem = {"lost", false, FaultKind::silent};
         }
         if (judge_.chance(60)) return fail({"gone", true, FaultKind::unplugged});

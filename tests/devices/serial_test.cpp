@@ -250,26 +250,55 @@ TEST_P(SerialBuses, OnePortHasOneDriver) {
     EXPECT_NO_THROW(Board again(make_serial_bus(settings)));
 }
 
-TEST_P(AnsweringSerialBuses, ADeadServoLatchesWhileTheHandMovesOn) {
-    ServoBusEmulator bus(GetParam(), {4, 5, 6});
-    Board board(make_serial_bus(settings_for(GetParam(), bus, {4, 5, 6})));
+/// Why a board went into its first fault; its newest problem is of its attempts to come back.
+std::string why(const BoardStatus& status) {
+    for (const BoardTransition& t : status.transitions)
+        if (t.to == BoardState::faulted) return t.reason;
+    return "";
+}
+
+/// What a bus with a dead servo came to.
+struct DeadServo {
+    BoardState before;
+    BoardStatus after;
+    bool lets_go;
+    int told_later;
+};
+
+DeadServo let_a_servo_die(SerialProtocol protocol) {
+    ServoBusEmulator bus(protocol, {4, 5, 6});
+    Board board(make_serial_bus(settings_for(protocol, bus, {4, 5, 6})));
     for (int c : {4, 5, 6}) board.limit(c, {1000, 3000, 1e4});
     sweep(board, {4, 5, 6}, 20);
-    ASSERT_EQ(board.state(), BoardState::active) << board.status().problem;
+    DeadServo d{board.state(), {}, false, 0};
     bus.dead = 5;  // writes to all go well on
     sweep(board, {4, 5, 6}, 500);
-    EXPECT_EQ(board.state(), BoardState::faulted);
-    const BoardStatus status = board.status();
-    EXPECT_EQ(status.fault, FaultKind::silent);
-    EXPECT_NE(status.problem.find("servo 5"), std::string::npos) << status.problem;
-    EXPECT_GE(status.read_failures[5], 2);
-    EXPECT_EQ(status.read_failures[4], 0);
-    EXPECT_EQ(status.write_failures[5], 0);
-    const int torque = GetParam() == SerialProtocol::dynamixel ? dynamixel::torque_enable : feetech::torque_enable;
-    EXPECT_TRUE(eventually([&] { return bus.get(4, torque) == 0; })) << "a fault lets go";
+    d.after = board.status();
+    const int torque = protocol == SerialProtocol::dynamixel ? dynamixel::torque_enable : feetech::torque_enable;
+    d.lets_go = eventually([&] { return bus.get(4, torque) == 0; });
     const int goals = bus.goals_seen;
     sweep(board, {4, 5, 6}, 10);
-    EXPECT_EQ(bus.goals_seen, goals) << "nothing is sent after it";
+    d.told_later = bus.goals_seen - goals;
+    return d;
+}
+
+TEST_P(AnsweringSerialBuses, ADeadServoLatchesWhileTheHandMovesOn) {
+    DeadServo d{};
+    for (int attempt = 0; attempt < 10; ++attempt) {
+        // Answers that come late because the computer, and the bus it emulates, stood still are failures, rightly.
+        const testing::Standstill computer;
+        d = let_a_servo_die(GetParam());
+        if (computer.longest() < 0.02) break;
+    }
+    ASSERT_EQ(d.before, BoardState::active);
+    EXPECT_NE(d.after.state, BoardState::active);
+    EXPECT_EQ(d.after.fault, FaultKind::silent);
+    EXPECT_NE(why(d.after).find("servo 5"), std::string::npos) << why(d.after);
+    EXPECT_GE(d.after.read_failures[5], 2);
+    EXPECT_EQ(d.after.read_failures[4], 0);
+    EXPECT_EQ(d.after.write_failures[5], 0);
+    EXPECT_TRUE(d.lets_go) << "a fault lets go";
+    EXPECT_EQ(d.told_later, 0) << "nothing is sent after it";
 }
 
 TEST_P(AnsweringSerialBuses, WhatServosReportIsTypedAndLatches) {
@@ -293,7 +322,7 @@ TEST_P(AnsweringSerialBuses, WhatServosReportIsTypedAndLatches) {
         sweep(board, {4, 5}, 500);
         EXPECT_EQ(board.state(), BoardState::faulted) << c.error;
         EXPECT_EQ(name(board.status().fault), std::string(name(c.kind))) << board.status().problem;
-        EXPECT_NE(board.status().problem.find("servo 5"), std::string::npos) << board.status().problem;
+        EXPECT_NE(why(board.status()).find("servo 5"), std::string::npos) << why(board.status());
     }
 }
 
@@ -330,7 +359,7 @@ TEST_P(AnsweringSerialBuses, AServoThatDoesNotFollowLatches) {
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     EXPECT_EQ(name(board->status().fault), std::string("blocked")) << board->status().problem;
-    EXPECT_NE(board->status().problem.find("servo 5"), std::string::npos) << board->status().problem;
+    EXPECT_NE(why(board->status()).find("servo 5"), std::string::npos) << why(board->status());
 }
 
 TEST(SerialBuses, AWatchdogThatHasBittenLatches) {

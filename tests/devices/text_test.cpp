@@ -168,9 +168,9 @@ struct Bench {
     }
     void set(int channel, int us) {
         const ChannelTarget target[] = {{channel, WireValue(us)}};
-        double arrived[1] = {0};
-        must([&] { return link->write(target, arrived); });
-        EXPECT_GT(arrived[0], 0);
+        Transfer transfers[1];
+        must([&] { return link->write(target, transfers); });
+        EXPECT_GT(transfers[0].arrived, 0);
     }
 };
 
@@ -211,9 +211,9 @@ TEST(TextBoard, SilenceSendsServosHomeAndIsSeen) {
     EXPECT_TRUE(eventually([&] { return (problem = bench.link->feed()).kind == FaultKind::watchdog; })) << problem.text;
     EXPECT_TRUE(problem.lost);
     const ChannelTarget target[] = {{1, 1600}};
-    double arrived[1] = {0};
-    EXPECT_TRUE(eventually([&] { return bench.link->write(target, arrived).kind == FaultKind::watchdog; }));
-    EXPECT_EQ(arrived[0], 0);
+    Transfer transfers[1];
+    EXPECT_TRUE(eventually([&] { return bench.link->write(target, transfers).kind == FaultKind::watchdog; }));
+    EXPECT_EQ(transfers[0].arrived, 0);
     bench.board.pass(20);
     EXPECT_EQ(bench.board.pulse(5), 0) << "nothing moves until it is armed anew";
     must([&] { return bench.link->activate(); });

@@ -44,6 +44,17 @@ TEST_F(Usb, AReplugNeedsAPersonAndThenGoesOn) {
     EXPECT_GT(first, back + 0.1);
 }
 
+/// A scene need not say which board, where there is one: but the calibration is of that one.
+TEST_F(Usb, AnotherBoardIsNotTakenForTheOneThatWasLost) {
+    const std::string keys =
+        "(sleep 2; printf +; for n in 1 2 3 4 5 6; do sleep 0.5; printf r; done; printf '+++'; sleep 0.5; printf q)";
+    const Outcome o = shell(keys + " | " + emulator + " --another 1 --fault unplug@60 --replug-ms 100" + logged() +
+                            " -- " + program + " jog " + scene(1, 1, "calibration = \"cal.toml\""));
+    ASSERT_TRUE(happened(testing::plugged_in)) << o.out;
+    EXPECT_SAYS(o, "the Maestro 00123456 was not found; on USB: 00123556");
+    expect_latched(events(), 0);
+}
+
 TEST_F(Usb, WhateverSignalEndsItServosGoToRest) {
     for (const std::string signal : {"HUP", "QUIT", "ABRT", "SEGV", "FPE", "USR1"}) {
         const Outcome o = emulate(logged(), meanwhile(run_command(scene(2, 20)), "kill -" + signal + " $p"));

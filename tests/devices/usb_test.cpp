@@ -108,6 +108,10 @@ TEST_F(Usb, SettingsThatSafetyRestsOnAreReadBack) {
         EXPECT_EQ(o.code, 0) << o.out;
         EXPECT_SAYS(o, "mended");
     }
+    const Outcome o = emulate("--keeps-speed 0" + logged(), run_command(scene(1, 0.2)));
+    EXPECT_EQ(o.code, 2) << o.out;
+    EXPECT_SAYS(o, "does not keep the speed limit of channel 0");
+    EXPECT_TRUE(log().empty());
 }
 
 TEST_F(Usb, WithoutACalibrationNothingIsArmed) {
@@ -157,6 +161,35 @@ TEST_F(Usb, AgesOfCommandsAreToldAtTheWire) {
     EXPECT_GT(age["commands"].get<int>(), 5);
     EXPECT_LE(age["median"].get<double>(), age["p99"].get<double>());
     EXPECT_LE(age["p99"].get<double>(), age["worst"].get<double>());
+    const Outcome slow = emulate("--slow-ms 12", run_command(scene(1, 1)));
+    EXPECT_SAYS(slow, "warning: it will be felt as lag");
+}
+
+/// The 99th percentile of a step [us].
+double step_p99(const std::string& summary) {
+    std::ifstream in(summary);
+    return nlohmann::json::parse(in)["step_p99_us"].get<double>();
+}
+
+/// The simulation waits for no board: a step takes what it takes, whether the board answers or not.
+TEST_F(Usb, ABoardThatHangsSlowsNoStep) {
+    const char* asked = std::getenv("PALPATE_HANG_TURNS");
+    const int turns = asked ? std::atoi(asked) : 3;
+    std::vector<double> good, hangs;
+    for (int k = 0; k < turns; ++k)
+        for (const bool hang : {false, true}) {
+            const Outcome o = emulate(hang ? "--fault hang@100" + logged() : "" + logged(),
+                                      run_command(scene(1, 1.5)) + " --set dt_ms=1 --set finger.f0.elements=347");
+            ASSERT_EQ(o.code, 0) << o.out;
+            if (hang) { EXPECT_SAYS(o, " 1 faults"); }
+            (hang ? hangs : good).push_back(step_p99((scratch.path / "results" / "summary.json").string()));
+        }
+    std::sort(good.begin(), good.end()), std::sort(hangs.begin(), hangs.end());
+    const double ratio = hangs[hangs.size() / 2] / good[good.size() / 2];
+    std::printf("p99 of a step: %.0f us, with a board that hangs %.0f us: %.2f of it\n", good[good.size() / 2],
+                hangs[hangs.size() / 2], ratio);
+    // What a busy machine makes of it; a step that waits for a board takes 100 ms.
+    EXPECT_LT(hangs[hangs.size() / 2], std::max(2 * good[good.size() / 2], 20e3));
 }
 
 TEST_F(Usb, FiveFingersOnOneBoardMoveSafelyAndEndAtRest) {

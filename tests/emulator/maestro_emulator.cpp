@@ -2,13 +2,15 @@
 // they were told. usbfs by umockdev; what the boards do with it is here.
 //
 //   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--bites 1] [--home N] [--at N] [--log FILE]
-//                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] [--prompt 1] -- COMMAND...
+//                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] [--prompt 1]
+//                    [--keeps-speed 0] [--slow-ms MS] [--another 1] -- COMMAND...
 //
 // KIND: stall, timeout, partial (timeout with half the data), short, long, errors (once), sticky (an error from then
 // on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), hang (never given back), unplug.
 // With --bites 1 the watchdog bites by itself, where the board hears nothing. --at N [quarter us]: what servos were
-// told before. --prompt 1: boards are served before other work. Boards come and go with udev's events. The log is what
-// wire_log.h reads. Exits as the command does.
+// told before. --prompt 1: boards are served before other work. --keeps-speed 0: speed limits are taken, and read back
+// as none. --slow-ms: so long each target takes. --another 1: what is plugged in again is another board. Boards come
+// and go with udev's events. The log is what wire_log.h reads. Exits as the command does.
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
@@ -39,8 +41,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0, at = 0;
-    bool bites = false, prompt = false;
+    int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0, at = 0, slow_ms = 0;
+    bool bites = false, prompt = false, keeps_speed = true, another = false;
     std::string log;
     std::map<long, std::string> faults;  ///< by number of the transfer
     std::vector<char*> command;
@@ -59,6 +61,7 @@ struct Bus;
 struct Board : palpate::testing::MaestroModel {
     Bus* bus = nullptr;
     bool present = true, listed = false;  ///< on the bus; known to the system
+    int plugged = 0;                      ///< how often
     Clock::time_point gone;
     std::deque<Urb> finished, waiting;
     UMockdevIoctlBase* handler = nullptr;
@@ -109,7 +112,8 @@ std::string description(const Board& b) {
 
 std::vector<std::uint8_t> string_descriptor(const Board& b, int index) {
     if (index == 0) return {4, 3, 0x09, 0x04};
-    const std::string text = index == 3 ? serial_of(b.number) : index == 2 ? "Maestro" : "Pololu";
+    const int swapped = b.bus->options.another && b.plugged > 1 ? 100 : 0;
+    const std::string text = index == 3 ? serial_of(b.number + swapped) : index == 2 ? "Maestro" : "Pololu";
     std::vector<std::uint8_t> out{std::uint8_t(2 + 2 * text.size()), 3};
     for (char c : text) out.push_back(std::uint8_t(c)), out.push_back(0);
     return out;
@@ -162,6 +166,8 @@ int submit(Board& b, Urb urb) {
         b.waiting.push_back(urb);
         return 0;
     }
+    if (b.bus->options.slow_ms > 0 && type == 0x40 && request == 0x85)
+        std::this_thread::sleep_for(std::chrono::milliseconds(b.bus->options.slow_ms));
     if (kind == "errors") b.errors |= 1 << 4;
     if (kind == "sticky") b.sticky = true;
     if (kind == "deaf") b.deaf = true;
@@ -253,6 +259,7 @@ bool plug_in(Bus& bus, Board& b) {
         return false;
     }
     b.present = b.listed = true;
+    ++b.plugged;
     b.finished.clear();
     b.fed = false;
     umockdev_testbed_uevent(bus.testbed, b.path.c_str(), "add");
@@ -294,6 +301,12 @@ bool parse(int argc, char** argv, Options& o) {
             o.bites = value != "0";
         else if (arg == "--prompt")
             o.prompt = value != "0";
+        else if (arg == "--keeps-speed")
+            o.keeps_speed = value != "0";
+        else if (arg == "--slow-ms")
+            o.slow_ms = std::atoi(value.c_str());
+        else if (arg == "--another")
+            o.another = value != "0";
         else if (arg == "--replug-ms")
             o.replug_ms = std::atoi(value.c_str());
         else if (arg == "--log")
@@ -333,6 +346,7 @@ int main(int argc, char** argv) {
         b.number = i;
         palpate::testing::set_up(b, bus.options.channels, bus.options.watchdog_ms, bus.options.home, bus.options.at);
         b.log = bus.log;
+        b.keeps_speed = bus.options.keeps_speed;
         b.text = description(b);
         char node[64];
         std::snprintf(node, sizeof node, "/dev/bus/usb/001/%03d", i + 2);

@@ -21,7 +21,7 @@ struct MaestroModel {
     std::vector<Servo> servos;
     std::map<int, int> parameters;
     std::uint16_t errors = 0;
-    bool sticky = false, deaf = false, fed = false;
+    bool sticky = false, deaf = false, fed = false, keeps_speed = true;
     std::chrono::steady_clock::time_point last_fed, start = std::chrono::steady_clock::now();
     FILE* log = nullptr;
 };
@@ -83,7 +83,7 @@ inline bool obey(MaestroModel& b, int request, int value, int index) {
         if ((index & 0x7f) >= b.channels) return false;
         MaestroModel::Servo& servo = b.servos[std::size_t(index & 0x7f)];
         if (index & 0x80) return servo.acceleration = std::uint8_t(value), true;
-        servo.speed = std::uint16_t(value);
+        servo.speed = std::uint16_t(b.keeps_speed ? value : 0);
         return note(b, speed_of_channel_0 - index, value), true;
     }
     if (request == 0x86) return b.errors = 0, true;

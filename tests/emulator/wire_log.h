@@ -43,22 +43,22 @@ inline std::string at(const WireEvent& e, const char* what, double found, double
 }
 
 /// A servo may speed up, or set out backwards, by the acceleration limit; stop, it always may. What is read of its
-/// speed is what the steps of the last 80 ms show, whose ends are known to a few milliseconds: while a transfer takes
-/// long, a servo waits, and then goes on as before. Half as much again is forgiven, for clocks on a busy machine.
+/// speed is the fastest of its steps in the last 80 ms, each for as long as it truly took: whoever was held up by a
+/// slow transfer sets out anew. Only the time of this step is forgiven a little: its target may have been chosen a few
+/// milliseconds before it arrived.
 inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRules& r) {
-    constexpr double known_to = 0.006, longest_credit = 0.03, recent = 0.08;
+    constexpr double longest_credit = 0.03, recent = 0.08;
     for (std::size_t k = 1; k < told.size(); ++k) {
         const double step = told[k].value - told[k - 1].value;
         const double time = std::min(longest_credit, told[k].time - told[k - 1].time);
         double speed = 0;
         for (std::size_t j = k - 1; j > 0 && told[k].time - told[j].time < recent; --j) {
             const double before = told[j].value - told[j - 1].value;
-            const double took = std::min(longest_credit, told[j].time - told[j - 1].time);
-            if (before * step > 0)
-                speed = std::max(speed, (std::abs(before) + 1) / std::max({took - known_to, 0.5 * took, 1e-4}));
+            const double took = std::max(told[j].time - told[j - 1].time, 1e-4);
+            if (before * step > 0) speed = std::max(speed, (std::abs(before) + 1) / took);
         }
         const double most =
-            (speed + r.units_per_rad * r.timing_noise * r.acceleration * longest_credit) * time * 1.5 + 12;
+            (speed + r.units_per_rad * r.timing_noise * r.acceleration * longest_credit) * time * 1.1 + 2;
         if (std::abs(step) > most) return at(told[k], "sped up to a step of", std::abs(step), most);
     }
     return "";

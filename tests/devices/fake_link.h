@@ -1,0 +1,83 @@
+#pragma once
+// A controller of the tests' own for Board, without hardware and without an emulator.
+
+#include <atomic>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "devices/drivers/board.h"
+#include "tests/real_time.h"
+
+namespace palpate::testing {
+
+/// A controller of our own, which remembers and breaks.
+struct FakeState {
+    std::mutex mutex;
+    std::vector<ChannelTarget> seen;
+    std::vector<double> times;        ///< of what was seen [s]
+    std::vector<std::size_t> counts;  ///< of targets that each write had
+    std::vector<double> speed_shares;
+    std::string calls;  ///< w: write, f: feed, F: one that took long; as they end
+    std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
+    std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
+    std::atomic<int> shaft{0};  ///< where servo 0 is, as measured; 0: nobody measures
+};
+class FakeLink final : public BoardLink {
+  public:
+    explicit FakeLink(FakeState& state) : state_(state) {
+        ask_to_be_served_first();
+        measures = state.shaft > 0;
+    }
+    std::string open(std::span<WireValue> positions) override {
+        if (!state_.there) return "not there";
+        positions[0] = 5000;
+        return "";
+    }
+    void close() override {}
+    void deactivate() override { ++state_.lets_go; }
+    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
+        std::this_thread::sleep_for(std::chrono::milliseconds(state_.delay_ms));
+        if (state_.vanish) return {"gone", true, FaultKind::unplugged};
+        if (state_.refuse) return {"refused", false, FaultKind::refused};
+        const std::lock_guard lock(state_.mutex);
+        state_.calls += 'w';
+        state_.counts.push_back(targets.size());
+        LinkProblem problem;
+        for (std::size_t i = 0; i < targets.size(); ++i) {
+            if (targets[i].channel == state_.deaf) {
+                problem = {"refused", false, FaultKind::refused};
+                continue;
+            }
+            state_.seen.push_back(targets[i]);
+            transfers[i] = {device_clock(), device_clock() + 1e-3 * state_.apart_ms * double(i)};
+            state_.times.push_back(device_clock());
+        }
+        return problem;
+    }
+    LinkProblem feed() override {
+        const int delay_ms = state_.feed_delay_ms.exchange(0);
+        std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
+        {
+            const std::lock_guard lock(state_.mutex);
+            state_.calls += delay_ms > 0 ? 'F' : 'f';
+        }
+        if (state_.complain) return {"reports errors", false, FaultKind::reported};
+        return state_.vanish ? LinkProblem{"gone", true, FaultKind::unplugged} : LinkProblem{};
+    }
+    LinkProblem read(std::span<const int> channels, std::span<WireValue> positions) override {
+        for (int c : channels) positions[std::size_t(c)] = WireValue(c == 0 ? state_.shaft.load() : 5000);
+        return {};
+    }
+    LinkProblem limit_speed(double share) override {
+        const std::lock_guard lock(state_.mutex);
+        state_.speed_shares.push_back(share);
+        return {};
+    }
+
+  private:
+    FakeState& state_;
+};
+
+}  // namespace palpate::testing
