@@ -78,7 +78,7 @@ void Board::activate() {
     if (const LinkProblem problem = link_->activate()) return latch(problem);
     for (auto& w : wanted_) w.store(no_pulse, std::memory_order_release);  // of before, where a tick met the fault
     easing_ = true;
-    position_unknown_ = held_back_ = false;
+    position_unknown_ = held_back_ = unheard_ = false;
     moving_since_ = 0;
     last_word_ = device_clock();
     enter(BoardState::active, "armed");
@@ -308,9 +308,11 @@ void Board::feed() {
     const double began = device_clock();
     next_feed_ = began + feed_period;
     if (const LinkProblem problem = link_->feed()) {
+        unheard_ = true;
         feed_watch_.bad(began);
         fail(problem, feed_watch_.given_up(device_clock()));
     } else {
+        unheard_ = false;
         feed_watch_.good();
         last_word_ = began;
     }
@@ -372,7 +374,8 @@ void Board::end_easing() {
 
 void Board::exchange() {
     held_back_ = false;
-    if (device_clock() - last_word_ > ask_first_after) feed();
+    if (unheard_ || device_clock() - last_word_ > ask_first_after) feed();
+    if (unheard_) return void(held_back_ = true);  // its watchdog may have bitten: nothing is told meanwhile
     if (state() == BoardState::active) write_changed_torques();  // before what they are to push with
     if (state() == BoardState::active) write_changed();
     if (state() == BoardState::active && device_clock() >= next_feed_) feed();

@@ -117,6 +117,7 @@ class Board {
     std::atomic<std::int64_t> wakes_{0}, writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
     std::array<double, max_channels> due_pose_{}, counted_pose_{};  ///< poses behind what is sent, and was counted [s]
     bool easing_ = false, position_unknown_ = false, held_back_ = false, audit_due_ = false;
+    bool unheard_ = false;     ///< how it is was asked, and got no good answer
     double moving_since_ = 0;  ///< when the first value after activation was sent; 0: none was [s]
     double caught_up_since_ = 0, last_word_ = 0, next_feed_ = 0, next_open_ = 0;
     double woken_at_ = 0, wakes_every_ = 0, write_takes_ = 0;  ///< the rhythm of ticks, and of what they send [s]

@@ -99,6 +99,8 @@ TEST(Board, AnErrorThatStaysLatchesWhileTheHandMoves) {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     EXPECT_EQ(board.status().fault, FaultKind::reported) << "good writes hid it";
+    const std::lock_guard lock(state.mutex);
+    EXPECT_EQ(state.calls.find("xw"), std::string::npos) << "told without knowing how it is: " << state.calls;
 }
 
 TEST(Board, TheFirstMoveIsSlowWhereverServosAre) {

@@ -19,7 +19,7 @@ struct FakeState {
     std::vector<double> times;        ///< of what was seen [s]
     std::vector<std::size_t> counts;  ///< of targets that each write had
     std::vector<double> speed_shares;
-    std::string calls;  ///< w: write, f: feed, F: one that took long; as they end
+    std::string calls;  ///< w: write, f: feed, F: one that took long, x: one that complained; as they end
     std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
     std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
     std::atomic<int> shaft{0};  ///< where servo 0 is, as measured; 0: nobody measures
@@ -61,7 +61,7 @@ class FakeLink final : public BoardLink {
         std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
         {
             const std::lock_guard lock(state_.mutex);
-            state_.calls += delay_ms > 0 ? 'F' : 'f';
+            state_.calls += state_.complain ? 'x' : delay_ms > 0 ? 'F' : 'f';
         }
         if (state_.complain) return {"reports errors", false, FaultKind::reported};
         return state_.vanish ? LinkProblem{"gone", true, FaultKind::unplugged} : LinkProblem{};

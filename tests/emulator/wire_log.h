@@ -46,9 +46,11 @@ inline std::string at(const WireEvent& e, const char* what, double found, double
 /// speed is the fastest of its steps in the last 80 ms, each for as long as it truly took: whoever was held up by a
 /// slow transfer sets out anew. Only the time of this step is forgiven a little: its target may have been chosen a few
 /// milliseconds before it arrived.
-inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRules& r) {
+/// `since`: what it was told before is not known, as where its watchdog bit and nobody has noticed yet [s].
+inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRules& r, double since) {
     constexpr double longest_credit = 0.03, recent = 0.08;
     for (std::size_t k = 1; k < told.size(); ++k) {
+        if (told[k].time - since < recent) continue;
         const double step = told[k].value - told[k - 1].value;
         const double time = std::min(longest_credit, told[k].time - told[k - 1].time);
         double speed = 0;
@@ -77,8 +79,9 @@ inline std::string unsafe(const std::vector<WireEvent>& events, const WireRules&
     std::map<int, int> full_speed;  ///< the largest limit that a channel was set
     std::map<int, int> limit;
     std::string wrong;
+    double bitten = -HUGE_VAL;
     auto start_anew = [&] {
-        for (const auto& [channel, way] : told) wrong += wire_detail::too_abrupt(way, r);
+        for (const auto& [channel, way] : told) wrong += wire_detail::too_abrupt(way, r, bitten);
         told.clear();
     };
     for (const WireEvent& e : events) {
@@ -90,6 +93,7 @@ inline std::string unsafe(const std::vector<WireEvent>& events, const WireRules&
         }
         if (e.channel < 0) {
             if (e.channel != plugged_in) start_anew();
+            if (e.channel == watchdog_bit) bitten = e.time;
             continue;
         }
         if (e.value < r.min || e.value > r.max) wrong += wire_detail::at(e, "value", e.value, r.max);
