@@ -30,6 +30,8 @@ using usb::transfer;
 /// A board of which transfers never come back leaves a little behind at each attempt; so many are enough.
 constexpr int stuck_at_most = 20;
 
+const LinkProblem held_up{"transfers to the Maestro were held up", false, FaultKind::silent};
+
 int parameter(const Handle& handle, int which, int bytes) {
     const auto reply = transfer(handle, get_parameter(which, bytes));
     return bytes == 1 ? reply[0] : reply[0] | reply[1] << 8;
@@ -178,12 +180,9 @@ class MaestroLink final : public BoardLink {
     }
 
     LinkProblem feed() override {
-        // Clearing errors feeds the watchdog, so they are asked for first.
-        Transfer transfers[2];
-        const Request requests[2]{get_variables(channels_), clear_errors()};
-        if (const auto p = send_all(
-                2, [&](std::size_t i) { return requests[i]; }, transfers))
-            return p;
+        // Clearing errors feeds the watchdog, and forgets that it has bitten: they are cleared by who has read them.
+        const double began = device_clock();
+        if (const auto p = send(get_variables(channels_))) return p;
         const Pending& reply = (*pending_)[0];
         const auto variables = parse_variables(
             channels_, std::span(reply.buffer + LIBUSB_CONTROL_SETUP_SIZE, std::size_t(reply.transfer->actual_length)));
@@ -191,6 +190,8 @@ class MaestroLink final : public BoardLink {
         // Errors were cleared as it was opened: this one came since.
         if (variables->errors & serial_timeout)
             return {"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
+        if (device_clock() - began > ask_first_after) return held_up;
+        if (const auto p = send(clear_errors())) return p;
         const std::string errors = describe_errors(variables->errors);
         if (errors.empty()) return {};
         return {"the Maestro reports errors: " + errors, false, FaultKind::reported};
@@ -247,6 +248,11 @@ class MaestroLink final : public BoardLink {
     void check_limits(int channel, const ServoSetting& found) const;
     template <class RequestOf>
     LinkProblem send_all(std::size_t count, RequestOf request_of, std::span<Transfer> transfers);
+    LinkProblem send(const Request& request) {
+        Transfer transfer;
+        return send_all(
+            1, [&](std::size_t) { return request; }, std::span(&transfer, 1));
+    }
     bool wait_for_all(std::size_t count, int milliseconds);
     static LinkProblem problem_of(int channel_index, const libusb_transfer& t);
 
@@ -329,7 +335,7 @@ LinkProblem MaestroLink::send_all(std::size_t count, RequestOf request_of, std::
     const double began = device_clock();
     for (std::size_t i = 0; i < count; ++i) {
         if (device_clock() - began > ask_first_after) {
-            problem = {"transfers to the Maestro were held up", false, FaultKind::silent};
+            problem = held_up;
             break;
         }
         Pending& p = (*pending_)[i];

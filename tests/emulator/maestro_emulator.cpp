@@ -6,11 +6,12 @@
 //                    [--keeps-speed 0] [--slow-ms MS] [--another 1] -- COMMAND...
 //
 // KIND: stall, timeout, partial (timeout with half the data), short, long, errors (once), sticky (an error from then
-// on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), hang (never given back), unplug.
-// With --bites 1 the watchdog bites by itself, where the board hears nothing. --at N [quarter us]: what servos were
-// told before. --prompt 1: boards are served before other work. --keeps-speed 0: speed limits are taken, and read back
-// as none. --slow-ms: so long each target takes. --another 1: what is plugged in again is another board. Boards come
-// and go with udev's events. The log is what wire_log.h reads. Exits as the command does.
+// on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), unread (it has, and who asks for errors
+// is refused once), hang (never given back), unplug. With --bites 1 the watchdog bites by itself, where the board hears
+// nothing. --at N [quarter us]: what servos were told before. --prompt 1: boards are served before other work.
+// --keeps-speed 0: speed limits are taken, and read back as none. --slow-ms: so long each target takes. --another 1:
+// what is plugged in again is another board. Boards come and go with udev's events. The log is what wire_log.h reads.
+// Exits as the command does.
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
@@ -60,8 +61,8 @@ struct Bus;
 
 struct Board : palpate::testing::MaestroModel {
     Bus* bus = nullptr;
-    bool present = true, listed = false;  ///< on the bus; known to the system
-    int plugged = 0;                      ///< how often
+    bool present = true, listed = false, unread = false;  ///< on the bus; known to the system; refuses once
+    int plugged = 0;                                      ///< how often
     Clock::time_point gone;
     std::deque<Urb> finished, waiting;
     UMockdevIoctlBase* handler = nullptr;
@@ -171,7 +172,9 @@ int submit(Board& b, Urb urb) {
     if (kind == "errors") b.errors |= 1 << 4;
     if (kind == "sticky") b.sticky = true;
     if (kind == "deaf") b.deaf = true;
-    if (kind == "bite") bite(b);
+    if (kind == "bite" || kind == "unread") bite(b);
+    b.unread |= kind == "unread";
+    if (b.unread && type == 0xC0 && request == 0x83) return b.unread = false, finish(b, urb, -EPIPE, 0), 0;
     std::vector<std::uint8_t> reply;
     if (!answer(b, type, request, value, index, reply)) return finish(b, urb, -EPIPE, 0), 0;
     if (kind == "long") return finish(b, urb, -EOVERFLOW, wanted), 0;

@@ -7,6 +7,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -58,6 +59,7 @@ class ServoBusEmulator {
     // What was found wrong with what the program said.
     std::atomic<int> bad_checksums{0}, unknown_ids{0}, collisions{0};
     std::atomic<int> goals_after_bite{0}, goals_seen{0};
+    std::atomic<double> slowest{0};  ///< how long a turn of this thread took, which should be some milliseconds [s]
 
     /// Newest targets of servos that were told any.
     std::map<int, int> goals() {
@@ -100,7 +102,10 @@ class ServoBusEmulator {
     }
     void serve() {
         Bytes in;
-        while (!stop_) {
+        for (auto last = Clock::now(); !stop_;) {
+            const auto now = Clock::now();
+            slowest = std::max(slowest.load(), std::chrono::duration<double>(now - last).count());
+            last = now;
             timeval wait{0, 5000};
             fd_set set;
             FD_ZERO(&set);
