@@ -105,6 +105,14 @@ TEST(WireValue, WhatWaitedForASlowTransferSetsOutAnew) {
     EXPECT_LE(limit_wire(8000, stood, limits, 0.02), 6012);
 }
 
+/// A transfer that arrived late, although it was sent right after the one before, has shown no speed.
+TEST(WireValue, WhatArrivedLateWasSlow) {
+    const WireLimits limits{4000, 8000, 15000, 1e7};
+    const Told before{6000, 6000, 0};
+    EXPECT_GT(told_after(before, 6040, true, limits, 0.005, 0.005, 0.0052).velocity, 7000);
+    EXPECT_LT(told_after(before, 6040, true, limits, 0.005, 0.025, 0.025).velocity, 2000);
+}
+
 TEST(WireValue, TorqueLimitsRiseSlowlyAndFallAtOnce) {
     const WireLimits limits{1000, 3000, 1000, 0, 0, 4000};
     EXPECT_LE(limit_torque_wire(800, no_torque_limit, limits, 10), 120);
