@@ -60,7 +60,7 @@ inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRule
             if (before * step > 0) speed = std::max(speed, (std::abs(before) + 1) / took);
         }
         const double most =
-            (speed + r.units_per_rad * r.timing_noise * r.acceleration * longest_credit) * time * 1.1 + 8;
+            (speed + r.units_per_rad * r.timing_noise * r.acceleration * longest_credit) * time * 1.1 + 12;
         if (std::abs(step) > most) return at(told[k], "sped up to a step of", std::abs(step), most);
     }
     return "";
