@@ -290,8 +290,9 @@ TEST_P(EverySceneAndGrasp, FloatGivesTheForcesOfDouble) {
         std::printf("%s, %s: force field in float %.1e off\n", GetParam().c_str(), settings[0].c_str(),
                     difference / size);
         const bool few = settings[0] == "solver.preset=real-time";
-        const bool apart = GetParam() == "recorded_hand" || GetParam() == "egg" || GetParam() == "pinch";
-        EXPECT_LT(difference, (few && apart ? 3e-3 : 1e-3) * size);
+        // Whether a step of few iterations is solved on (progress.h) can hang on a rounding.
+        const bool solved_on = GetParam() == "egg" || GetParam() == "pinch", apart = GetParam() == "recorded_hand";
+        EXPECT_LT(difference, (few && solved_on ? 1.5e-2 : few && apart ? 3e-3 : 1e-3) * size);
     }
 }
 
