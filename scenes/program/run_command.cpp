@@ -123,6 +123,13 @@ void tell_results(const RunArguments& a, const Summary& summary, const ResultsFo
     for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
 }
 
+void refuse_film_in_real_time(const RunArguments& a, const std::string& tracker) {
+    if (a.video.empty() || (!a.arm && tracker.empty())) return;
+    throw InputError("--video " + a.video +
+                     ": a film is painted between steps, which real thimbles and live hands do not " +
+                     "wait for; --record run.palpate, then palpate replay run.palpate --video " + a.video);
+}
+
 int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     const std::vector<std::string> overrides = all_overrides(a, stop);
@@ -132,10 +139,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
     const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
-    if (!a.video.empty() && (a.arm || !source.empty()))
-        throw InputError("--video " + a.video +
-                         ": a film is painted between steps, which real thimbles and live hands do not " +
-                         "wait for; --record run.palpate, then palpate replay run.palpate --video " + a.video);
+    refuse_film_in_real_time(a, source);
     if (!source.empty()) follow_live(simulation, std::make_shared<LiveHands>(source));
     if (simulation.live && !a.quiet && !a.json)
         std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
