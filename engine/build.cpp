@@ -14,7 +14,7 @@ namespace palpate {
 
 namespace {
 
-ContactSurface contact_surface_of(const TetMesh& mesh, const Pose<double>& bone);
+ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& bone);
 
 /// Fingers of one archetype: same connectivity, precision and material.
 struct Archetype {
@@ -233,7 +233,7 @@ void add_soft_objects(const SceneSpec& spec, World& world) {
         soft.object = object;
         soft.skin = {o.name, false, int(world.chunks.doubles.size()) - 1, 0, f.mesh, o.pose};
         soft.hold = rigid_hold();
-        soft.surface = contact_surface_of(f.mesh, o.pose);
+        soft.surface = contact_surface_of(f, o.pose);
         soft.nodes.resize(f.mesh.nodes.size());
         const auto& bone = f.mesh.bone_nodes;
         for (const auto& face : f.mesh.surface)
@@ -256,16 +256,19 @@ void add_soft_objects(const SceneSpec& spec, World& world) {
     }
 }
 
-ContactSurface contact_surface_of(const TetMesh& mesh, const Pose<double>& bone) {
+ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& bone) {
+    const TetMesh& mesh = finger.mesh;
     const std::vector<double> area = nodal_areas(mesh);
     ContactSurface c;
     c.bone = bone;
+    c.modulus = finger.young_modulus / (1 - finger.poisson_ratio * finger.poisson_ratio);
     for (int node : mesh.pad_nodes) {
         c.area.push_back(area[node]);
         c.position.push_back({mesh.nodes[node][0], mesh.nodes[node][1], mesh.nodes[node][2]});
     }
     c.force.assign(c.area.size(), {0, 0, 0});
     c.touches.assign(c.area.size(), 0);
+    c.gap.assign(c.area.size(), 0.0);
     c.pressing.assign(c.area.size(), {0, 0, 0});
     c.outward.assign(c.area.size(), {0, 0, 0});
     for (const auto& face : mesh.surface) {
@@ -313,7 +316,7 @@ World build_world(const SceneSpec& spec) {
         if (spec.fingers[i].filter) world.pose_filters.add(tracker, *spec.fingers[i].filter);
         world.couplings.add(finger, spec.fingers[i].coupling).tracker = tracker;
         world.skins.add(finger, std::move(skins[i]));
-        world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i].mesh, spec.fingers[i].start));
+        world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i], spec.fingers[i].start));
     }
     for (const ObjectSpec& o : spec.objects) {
         const EntityId object = world.objects.create();

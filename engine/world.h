@@ -87,14 +87,16 @@ struct ContactSurface {
     std::vector<Vec3<double>> force;               ///< on the skin, world frame [N]
     std::vector<Vec3<double>> pressing;            ///< what of it is along the objects' normals, world frame [N]
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
+    std::vector<double> gap;                       ///< of samples beside those that touch, to what is nearest [m]
     std::vector<std::array<int, 3>> faces;         ///< of the pad, three samples each, outward; written at load
     std::vector<Vec3<double>> outward;             ///< scratch, [sample] finger frame, as long as twice an area
     double longest_edge = 0;                       ///< of those faces at rest [m], written at load
+    double modulus = 0;                            ///< E / (1 - nu^2) of the tissue [Pa], written at load
     bool rough = false;                            ///< forces are far from balanced: not to be rendered
     std::int64_t rough_steps = 0;
     Vec3<double> total{0, 0, 0};  ///< sum of forces [N]
     double normal_force = 0;      ///< sum of normal forces [N]
-    double touching_area = 0;     ///< [m^2]
+    double touching_area = 0;     ///< of the skin in contact, as it is deformed (contact_edge.h) [m^2]
     int touching = 0;
     std::vector<ObjectContact> objects;  ///< those near it, in the order of their rows; then the fingers near it
 };

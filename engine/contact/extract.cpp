@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <cmath>
 
+#include "engine/contact/contact_edge.h"
 #include "engine/contact/crossed_skin.h"
 #include "engine/contact/fitted.h"
 #include "engine/skin/solve/progress.h"
@@ -102,6 +104,29 @@ int pressed_from_inside(const SkinChunk<T>& c, int lane, const ContactSurface& o
     return wrong;
 }
 
+/// Of samples beside those that touch: how far what is nearest is from them. Nothing near: far.
+template <class T>
+void find_gaps(const SkinChunk<T>& c, int lane, ContactSurface& out) {
+    mark_wanted_gaps(out);
+    for (std::size_t s = 0; s < out.gap.size(); ++s) {
+        if (!(out.gap[s] < 0)) continue;
+        const Vec3<double> x = transform(out.bone, out.position[s]);
+        double nearest = HUGE_VAL;
+        for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+            const LaneContact& o = c.contacts.at(slot, lane);
+            const std::size_t i = (std::size_t(slot) * c.topology->sample_count() + s) * std::size_t(c.width);
+            const int side = int(c.state.contact_side[i + std::size_t(lane)]);
+            nearest = std::min(nearest, surface_point(o.shape, o.pose, x, side).distance);
+        }
+        out.gap[s] = std::max(0.0, nearest);
+    }
+}
+
+void measure_touching(ContactSurface& out) {
+    out.touching = int(std::count(out.touches.begin(), out.touches.end(), char(1)));
+    out.touching_area = out.touching > 0 ? area_in_contact(out) : 0;
+}
+
 template <class T>
 void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, ContactSurface& out) {
     const SkinTopology& t = *c.topology;
@@ -115,8 +140,7 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     out.rough = false;
     if ((c.rigid_lanes >> lane) & 1u) return;  // it touches nothing, and did not when its skin was solved last
     out.total = {0, 0, 0};
-    out.normal_force = out.touching_area = 0;
-    out.touching = 0;
+    out.normal_force = 0;
     const std::size_t S = t.samples.size();
     const int slots = c.contacts.count[std::size_t(lane)];
     out.objects.assign(std::size_t(slots), ObjectContact{});
@@ -163,8 +187,8 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
             out.touches[f.sample[k]] |= touches;
         }
     }
-    for (std::size_t s = 0; s < S; ++s)
-        if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
+    find_gaps(c, lane, out);
+    measure_touching(out);
     SkinStatus& status = c.status[std::size_t(lane)];
     if (slots > 0) find_outward(out);
     status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
@@ -217,22 +241,26 @@ void add_soft_sample(const SkinChunk<T>& c, const Stencil& stencil, const SoftSa
     out.normal_force += s.terms.normal_force;
 }
 
-void measure_touching(ContactSurface& out) {
-    out.touching_area = 0;
-    out.touching = 0;
-    for (std::size_t s = 0; s < out.touches.size(); ++s)
-        if (out.touches[s]) out.touching_area += out.area[s], ++out.touching;
+/// A soft object's surface is so far from a sample of a finger: where nothing else is nearer, that is its gap.
+void add_gap(double gap, std::size_t sample, ContactSurface& out) {
+    gap = std::max(0.0, gap);
+    out.gap[sample] = out.gap[sample] > 0 ? std::min(out.gap[sample], gap) : gap;
 }
 
 /// What a pair bears goes to both of its contact surfaces; what sleeps keeps what it had (null). The area is that of
-/// the finger's samples, for a face of the object may be far larger than what presses on it.
+/// the finger's skin, for a face of the object may be far larger than what presses on it.
 template <class T>
 void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, const SoftPair& p, int object,
                   ContactSurface* of_finger, ContactSurface* of_soft) {
     ObjectContact on_finger{object}, on_soft{-1, p.finger};
-    double area = 0;
+    const double before = of_finger ? of_finger->touching_area : 0;
     for (const SoftSample& s : p.samples) {
-        if (!s.near || s.idle) continue;
+        if (!s.near) continue;
+        if (of_finger && s.of_finger.count == 1) {
+            const int sample = sample_of(finger, s.of_finger.node[0]);
+            if (sample >= 0) add_gap(s.gap, std::size_t(sample), *of_finger);
+        }
+        if (s.idle) continue;
         on_finger.normal_force += s.terms.normal_force;
         on_finger.friction_force += norm(s.terms.tangential);
         on_finger.force += -1.0 * s.terms.gradient;
@@ -241,8 +269,6 @@ void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, con
         if (!(s.terms.normal_force > 0)) continue;
         const double share = s.terms.normal_force / on_finger.normal_force;
         on_finger.slip += share * (s.slip - on_finger.slip);
-        const int sample = s.of_finger.count == 1 ? sample_of(finger, s.of_finger.node[0]) : -1;
-        if (of_finger && sample >= 0) area += of_finger->area[std::size_t(sample)];
     }
     on_finger.friction_available = p.friction * on_finger.normal_force;
     on_soft.force = -1.0 * on_finger.force;
@@ -257,7 +283,7 @@ void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, con
         of_soft->objects.push_back(on_soft);
         const double own = of_soft->touching_area;
         measure_touching(*of_soft);
-        of_soft->touching_area = own + area;
+        of_soft->touching_area = own + (of_finger ? of_finger->touching_area - before : 0);
     }
 }
 

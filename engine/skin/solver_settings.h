@@ -17,7 +17,7 @@ struct SolverSettings {
     double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change
     int contact_iterations = 3;          ///< most linear solves that follow contacts along one Newton direction
     double contact_share = 0.3;          ///< follow while contact leaves more than this share of the residual
-    int steadying_iterations = 8;     ///< most linear solves more in a step that would shake a body held by tissue at
+    int steadying_iterations = 0;     ///< most linear solves more in a step that would shake a body held by tissue at
                                       ///< its limits (fitted.h: steady_share); 0: none
     double limit_tolerance = 1e-3;    ///< relative excess allowed over a strain limit
     double contact_tolerance = 2e-6;  ///< penetration allowed [m]

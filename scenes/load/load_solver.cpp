@@ -1,5 +1,7 @@
 #include "scenes/load/load_solver.h"
 
+#include <algorithm>
+
 #include "scenes/load/presets.h"
 
 namespace palpate {
@@ -31,6 +33,16 @@ void read_level_of_detail(Section& s, SolverSettings& v) {
     v.detail_penetration = automatic ? penetration : 0;
 }
 
+/// What nothing is said of: grasps on fingers whose elements share changes of volume, and those with the cheapest
+/// preset, do not come to rest without it; on others it costs time and changes little (bench/README.md, "Meshes").
+int steadying_where_needed(const Scene& scene) {
+    constexpr int enough = 8;
+    const auto& fingers = scene.spec.fingers;
+    const bool patched =
+        std::any_of(fingers.begin(), fingers.end(), [](const FingerSpec& f) { return !f.mesh.patches.empty(); });
+    return scene.preset == 0 || patched ? enough : 0;
+}
+
 }  // namespace
 
 void read_solver(Section s, Scene& scene) {
@@ -42,6 +54,7 @@ void read_solver(Section s, Scene& scene) {
         "single ones.",
         {{"real-time", "balanced"}});
     apply_preset(scene.preset, v);
+    v.steadying_iterations = steadying_where_needed(scene);
     s.number("deadline_ms", scene.deadline, unit::ms, {0, 1e4},
              "Steps down a preset when a step takes longer than this, and up again when there is slack. 0: never.");
     s.integer("newton_iterations", v.newton_iterations, newton_iterations, "Most linear solves in one step.");
@@ -57,7 +70,8 @@ void read_solver(Section s, Scene& scene) {
     s.integer(
         "steadying_iterations", v.steadying_iterations, steadying_iterations,
         "Most linear solves more in a step that would shake a body held by tissue at its strain limits, so that a "
-        "grasp comes to rest. 0: none. A step that `deadline_ms` sends to another preset has none.");
+        "grasp comes to rest. 0: none. Where nothing is said: 8 with preset \"fast\" and where a finger's mesh has "
+        "patches, else 0. A step that `deadline_ms` sends to another preset has none.");
     s.integer("sample_refinement", v.sample_refinement, sample_refinement,
               "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces.");
     s.number("limit_tolerance", v.limit_tolerance, unit::one, limit_tolerance,

@@ -187,26 +187,6 @@ Triangles finger_triangles(const World& world, EntityId finger, double most, boo
     return t;
 }
 
-std::vector<Vector3d> area_outline(const World& world, EntityId finger, double level) {
-    const TetMesh& mesh = world.skins.find(finger)->mesh;
-    const Pose<double> bone = bone_pose(world, finger);
-    const std::vector<Point> now = finger_positions(world, finger);
-    const std::vector<double> p = node_pressures(world, finger);
-    std::vector<Vector3d> out;
-    for (const auto& f : mesh.surface) {
-        std::vector<Vector3d> cut;
-        for (std::size_t k = 0; k < 3; ++k) {
-            const auto a = std::size_t(f[k]), b = std::size_t(f[(k + 1) % 3]);
-            if ((p[a] < level) == (p[b] < level)) continue;
-            const double t = (level - p[a]) / (p[b] - p[a]);
-            const Vector3d x = as_eigen(now[a]) + t * (as_eigen(now[b]) - as_eigen(now[a]));
-            cut.push_back(as_eigen(inverse_transform(bone, Vec3<double>{x.x(), x.y(), x.z()})));
-        }
-        if (cut.size() == 2) out.push_back(cut[0]), out.push_back(cut[1]);
-    }
-    return out;
-}
-
 Triangles object_triangles(const World& world, const RigidShape& o, Colour colour, double most) {
     if (o.soft >= 0) return soft_triangles(world, world.soft.all[std::size_t(o.soft)], colour, most);
     const Vec3<double>& s = o.shape.size;

@@ -14,8 +14,6 @@ bool centre_of_pressure(const World& world, EntityId finger, Eigen::Vector3d& pl
 /// Skin drawn smoothly between the nodes of its mesh (Phong tessellation, as viewer/skin.js), coloured by pressure up
 /// to `most` [Pa]; in the bone's frame where asked for.
 Triangles finger_triangles(const World& world, EntityId finger, double most, bool in_bone_frame = false);
-/// Edge of the touched area: pairs of points where pressure falls below `level` [Pa], bone frame.
-std::vector<Eigen::Vector3d> area_outline(const World& world, EntityId finger, double level);
 /// An object where it is, with dents where skin presses into one that gives way; one of tissue as it is deformed,
 /// coloured by pressure up to `most` [Pa]. A plane has none: see floor().
 Triangles object_triangles(const World& world, const RigidShape& object, Colour colour, double most = 1e4);

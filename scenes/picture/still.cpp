@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <cstring>
 
+#include "engine/contact/contact_edge.h"
+
 namespace palpate {
 
 namespace {
@@ -237,10 +239,10 @@ double paint_pad(Image& image, const World& world, EntityId finger, const PadPla
     below.half_height = std::max(0.0148, 0.0112 * side / wide);
     Raster r(below, factor * wide, factor * side, look.panel);
     r.opaque(finger_triangles(world, finger, most, true));
-    const std::vector<Vector3d> edge = area_outline(world, finger, std::max(300.0, 0.04 * peak));
+    const std::vector<Vec3<double>> edge = contact_outline(contact);
     const Vector3d lift(0, 0, -0.002);
     for (std::size_t k = 0; k + 1 < edge.size(); k += 2)
-        r.line(edge[k] + lift, edge[k + 1] + lift, {0.05f, 0.05f, 0.10f}, 1.3 * factor, false);
+        r.line(as_eigen(edge[k]) + lift, as_eigen(edge[k + 1]) + lift, {0.05f, 0.05f, 0.10f}, 1.3 * factor, false);
     Vector3d place, force;
     if (centre_of_pressure(world, finger, place, force)) {
         const Vec3<double> c =

@@ -184,6 +184,7 @@ void exchange(Archive& a, ContactSurface& c) {
     array(a, c.force);
     array(a, c.pressing);
     array(a, c.touches);
+    array(a, c.gap);
     growing(a, c.objects);
 }
 

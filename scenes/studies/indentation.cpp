@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/contact/contact_edge.h"
 #include "engine/step.h"
 #include "meshes/surface.h"
 #include "scenes/trackers/trajectory.h"
@@ -70,19 +71,14 @@ double surface_strain(const TetMesh& mesh, const std::vector<char>& is_pad, cons
     return worst;
 }
 
-/// Signed level of the contact patch per node: the gap outside, minus an elastic depth (pressure x spacing over
-/// Young's modulus) inside, so that its zero lies between touching and free nodes and moves with the load.
-std::vector<double> contact_level(const FingerSpec& f, const ContactSurface& contact, const std::vector<Point>& nodes) {
-    double area = 0;
-    for (double a : contact.area) area += a;
-    const double spacing = std::sqrt(area / double(contact.area.size()));
-    std::vector<double> level(nodes.size());
-    for (std::size_t i = 0; i < nodes.size(); ++i) level[i] = std::max(nodes[i][2], 1e-9);
-    for (std::size_t s = 0; s < f.mesh.pad_nodes.size(); ++s)
-        if (contact.touches[s])
-            level[std::size_t(f.mesh.pad_nodes[s])] =
-                -std::max(1e-9, contact.force[s].z / contact.area[s] * spacing / f.young_modulus);
-    return level;
+/// The plate is level.
+std::vector<std::array<double, 2>> outline_seen_from_above(const ContactSurface& contact) {
+    std::vector<std::array<double, 2>> flat;
+    for (const Vec3<double>& p : contact_outline(contact)) {
+        const Vec3<double> x = transform(contact.bone, p);
+        flat.push_back({x.x, x.y});
+    }
+    return flat;
 }
 
 IndentationPoint read_point(const World& world, std::size_t finger, const FingerSpec& f,
@@ -94,9 +90,8 @@ IndentationPoint read_point(const World& world, std::size_t finger, const Finger
     IndentationPoint p;
     p.displacement = f.start.position.z - contact.bone.position.z;
     p.force = contact.total.z;
-    const PatchArea patch = patch_area(nodes, f.mesh.surface, contact_level(f, contact, nodes));
-    p.area = patch.area;
-    p.hull = patch.hull;
+    p.area = contact.touching_area;
+    p.hull = hull_area(outline_seen_from_above(contact));
     p.surface_strain = surface_strain(f.mesh, is_pad, nodes);
     p.touching = contact.touching;
     p.limited = status.limited_elements;
@@ -161,29 +156,12 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
     return curves;
 }
 
-PatchArea patch_area(const std::vector<Point>& nodes, const std::vector<std::array<int, 3>>& triangles,
-                     const std::vector<double>& level) {
+double hull_area(std::vector<std::array<double, 2>> corners) {
     using Flat = std::array<double, 2>;
     auto cross = [](const Flat& o, const Flat& a, const Flat& b) {
         return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
     };
-    PatchArea patch;
-    std::vector<Flat> corners;
-    for (const auto& t : triangles) {
-        Flat inside[4];
-        int count = 0;
-        for (int k = 0; k < 3; ++k) {
-            const auto a = std::size_t(t[std::size_t(k)]), b = std::size_t(t[std::size_t((k + 1) % 3)]);
-            if (level[a] < 0) inside[count++] = {nodes[a][0], nodes[a][1]};
-            if ((level[a] < 0) == (level[b] < 0)) continue;
-            const double share = level[a] / (level[a] - level[b]);
-            inside[count++] = {nodes[a][0] + share * (nodes[b][0] - nodes[a][0]),
-                               nodes[a][1] + share * (nodes[b][1] - nodes[a][1])};
-        }
-        for (int k = 2; k < count; ++k) patch.area += 0.5 * std::abs(cross(inside[0], inside[k - 1], inside[k]));
-        corners.insert(corners.end(), inside, inside + count);
-    }
-    // Convex hull: Andrew's monotone chain.
+    // Andrew's monotone chain.
     std::sort(corners.begin(), corners.end());
     std::vector<Flat> hull;
     for (int side = 0; side < 2; ++side) {
@@ -195,8 +173,9 @@ PatchArea patch_area(const std::vector<Point>& nodes, const std::vector<std::arr
         if (!hull.empty()) hull.pop_back();
         std::reverse(corners.begin(), corners.end());
     }
-    for (std::size_t k = 2; k < hull.size(); ++k) patch.hull += 0.5 * cross(hull[0], hull[k - 1], hull[k]);
-    return patch;
+    double area = 0;
+    for (std::size_t k = 2; k < hull.size(); ++k) area += 0.5 * cross(hull[0], hull[k - 1], hull[k]);
+    return area;
 }
 
 namespace {

@@ -73,13 +73,8 @@ struct FingertipFigures {
 FingertipFigures fingertip_figures(const Indentation& finger, const IndentationCurve& curve, double friction,
                                    Threads& threads);
 
-/// Area of the patch where `level` is negative, and of its convex hull, projected along z [m^2]. level: [node], linear
-/// on triangles.
-struct PatchArea {
-    double area = 0, hull = 0;
-};
-PatchArea patch_area(const std::vector<Point>& nodes, const std::vector<std::array<int, 3>>& triangles,
-                     const std::vector<double>& level);
+/// Area of the convex hull of points [m^2].
+double hull_area(std::vector<std::array<double, 2>> points);
 
 /// Value of a curve's field at a displacement or force: monotone between points, the last slope beyond.
 double displacement_at_force(const IndentationCurve& curve, double force);

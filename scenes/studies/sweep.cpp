@@ -20,6 +20,10 @@ std::vector<SweepTrace::Finger> sample(const Simulation& s) {
         f.field = c.force;
         f.place = c.position;
         f.faces = c.faces;
+        for (int face = 0; face < int(c.faces.size()); ++face) {
+            const PressedFace pressed = pressed_part(c, face);
+            f.pressed.insert(f.pressed.end(), pressed.part.begin(), pressed.part.begin() + pressed.count);
+        }
         for (const Matching& m : s.world.matchings)
             if (m.finger == finger) {
                 f.platform = m.model.mount * m.model.kind->platform(m.model, m.result.w).centre;
@@ -61,39 +65,50 @@ void spread(const Vec3<double>& force, const Vec3<double>& place, Grid& grid) {
     }
 }
 
-/// Adds a finger's forces, times a factor: each as a pressure on the faces around its sample that falls linearly to
-/// their other corners; where there are none, as it is.
-void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
-    auto at = [&](int s) { return finger.place[std::size_t(s)]; };
-    auto twice_area = [&](const std::array<int, 3>& f) {
-        return norm(cross(at(f[1]) - at(f[0]), at(f[2]) - at(f[0])));
-    };
-    std::vector<double> around(finger.field.size(), 0.0);
-    for (const auto& f : finger.faces)
-        for (int s : f) around[std::size_t(s)] += twice_area(f);
+Vec3<double> place_of(const SweepTrace::Finger& finger, int face, const std::array<double, 3>& share) {
+    Vec3<double> x{0, 0, 0};
+    for (std::size_t k = 0; k < 3; ++k)
+        x += share[k] * finger.place[std::size_t(finger.faces[std::size_t(face)][k])];
+    return x;
+}
+
+/// Calls visit(face, shares of its samples, area) at points all over the parts of a finger's faces that are in contact.
+template <class Visit>
+void sample_pressed(const SweepTrace::Finger& finger, Visit visit) {
     constexpr int n = 4;  // points on a lattice, at the centres of n^2 equal triangles of which those upright are taken
-    for (const auto& f : finger.faces) {
-        const double area = twice_area(f);
-        for (int k = 0; k < 3; ++k) {
-            const auto s = std::size_t(f[std::size_t(k)]);
-            if (dot(finger.field[s], finger.field[s]) == 0) continue;
-            const Vec3<double> share = (factor * area / around[s]) * finger.field[s];
-            double total = 0;
-            for (int pass = 0; pass < 2; ++pass)
-                for (int i = 0; i < n; ++i)
-                    for (int j = 0; i + j < n; ++j) {
-                        const double weight[3] = {(i + 1.0 / 3) / n, (j + 1.0 / 3) / n, 1 - (i + j + 2.0 / 3) / n};
-                        if (pass == 0) {
-                            total += weight[k];
-                            continue;
-                        }
-                        const Vec3<double> x = weight[0] * at(f[0]) + weight[1] * at(f[1]) + weight[2] * at(f[2]);
-                        spread(weight[k] / total * share, x, grid);
-                    }
-        }
+    for (const PressedTriangle& t : finger.pressed) {
+        std::array<Vec3<double>, 3> x;
+        for (std::size_t c = 0; c < 3; ++c) x[c] = place_of(finger, t.face, t.corner[c]);
+        const double each = 0.5 * norm(cross(x[1] - x[0], x[2] - x[0])) / (n * (n + 1) / 2);
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; i + j < n; ++j) {
+                const double weight[3] = {(i + 1.0 / 3) / n, (j + 1.0 / 3) / n, 1 - (i + j + 2.0 / 3) / n};
+                std::array<double, 3> share{0, 0, 0};
+                for (std::size_t c = 0; c < 3; ++c)
+                    for (std::size_t k = 0; k < 3; ++k) share[k] += weight[c] * t.corner[c][k];
+                visit(t.face, share, each);
+            }
     }
+}
+
+/// Adds a finger's forces, times a factor: each as a pressure on what is in contact of the faces around its sample,
+/// falling linearly to their other corners; where nothing is, as it is.
+void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
+    std::vector<double> around(finger.field.size(), 0.0);
+    sample_pressed(finger, [&](int face, const std::array<double, 3>& share, double area) {
+        for (std::size_t k = 0; k < 3; ++k)
+            around[std::size_t(finger.faces[std::size_t(face)][k])] += share[k] * area;
+    });
+    sample_pressed(finger, [&](int face, const std::array<double, 3>& share, double area) {
+        Vec3<double> force{0, 0, 0};
+        for (std::size_t k = 0; k < 3; ++k) {
+            const auto s = std::size_t(finger.faces[std::size_t(face)][k]);
+            if (around[s] > 0) force += (factor * share[k] * area / around[s]) * finger.field[s];
+        }
+        spread(force, place_of(finger, face, share), grid);
+    });
     for (std::size_t s = 0; s < finger.field.size(); ++s)
-        if (around[s] == 0 && dot(finger.field[s], finger.field[s]) > 0)
+        if (!(around[s] > 0) && dot(finger.field[s], finger.field[s]) > 0)
             spread(factor * finger.field[s], finger.place[s], grid);
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 // Speed against accuracy: a scene over settings, against a converged reference of finer steps.
 
+#include "engine/contact/contact_edge.h"
 #include "scenes/run/simulation.h"
 #include "scenes/studies/sweep_plan.h"
 
@@ -14,6 +15,7 @@ struct SweepTrace {
         std::vector<Vec3<double>> field;        ///< [sample]
         std::vector<Vec3<double>> place;        ///< [sample], finger frame [m]
         std::vector<std::array<int, 3>> faces;  ///< of the pad, samples each
+        std::vector<PressedTriangle> pressed;   ///< parts of those faces that are in contact
         Eigen::Vector3d platform{0, 0, 0};      ///< its centre, finger frame [m]
         bool has_platform = false;
     };
@@ -39,8 +41,8 @@ struct SweepPoint {
 SweepPoint run_point(const std::filesystem::path& scene, const std::vector<std::string>& overrides, double period,
                      int threads, const std::atomic<bool>& stop, SweepTrace& trace);
 /// How force fields are compared: sample by sample (NaN where samples are others), or as seen on a grid of 3 mm. There
-/// a node's force is a pressure on the faces around it that falls linearly to their other nodes, and each bit of it is
-/// spread over the eight corners around it.
+/// a node's force is a pressure on what is in contact of the faces around it, which falls linearly to their other nodes,
+/// and each bit of it is spread over the eight corners around it.
 enum class FieldComparison { samples, grid };
 SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference,
                       FieldComparison comparison = FieldComparison::samples);

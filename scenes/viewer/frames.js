@@ -40,6 +40,8 @@ function readFrame(view, at) {
       f.limited[i] = view.getUint8(p++);
     }
     for (let i = 0; i < f.forces.length; ++i) f.forces[i] = force_unit * i16();
+    p += 2;
+    f.outline = Float32Array.from({ length: 3 * view.getUint16(p - 2, true) }, () => 2e-3 * i16());
     frame.fingers.push(f);
   }
   for (const object of stage.objects) {

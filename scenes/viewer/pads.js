@@ -59,21 +59,6 @@ const felt_pads = stage.thimbles.map((thimble, k) => {
   return { ...cell, thimble: k, skin, disk };
 });
 
-/** Edge of the touched area: pairs of points where pressure falls to a level. */
-function areaOutline(f, triangles, level) {
-  const points = [];
-  for (let t = 0; t < triangles.length; t += 3) {
-    const cut = [];
-    for (let k = 0; k < 3; ++k) {
-      const a = triangles[t + k], b = triangles[t + (k + 1) % 3], pa = f.pressure[a], pb = f.pressure[b];
-      if ((pa < level) === (pb < level)) continue;
-      const share = (level - pa) / (pb - pa);
-      for (let d = 0; d < 3; ++d) cut.push(f.position[3 * a + d] + share * (f.position[3 * b + d] - f.position[3 * a + d]));
-    }
-    if (cut.length === 6) points.push(...cut);
-  }
-  return points;
-}
 /** Where the forces on a pad's samples act on average, bone frame [mm]; null where nothing presses. */
 function centreOfPressure(f, samples) {
   const centre = [0, 0, 0];
@@ -97,12 +82,10 @@ function showCell(cell, frame) {
   if (cell.scale.textContent !== end) cell.scale.textContent = end;
 }
 function showPad(pad, f, most) {
-  const { triangles, samples } = stage.fingers[pad.finger];
-  let peak = 0;
-  for (const p of f.pressure) peak = Math.max(peak, p);
+  const { samples } = stage.fingers[pad.finger];
   pad.skin.paint(i => f.pressure[i]);
   pad.skin.scale.most.value = most;
-  pad.edge.set(areaOutline(f, triangles, Math.max(0.3, 0.04 * peak)));
+  pad.edge.set(f.outline);
   const c = centreOfPressure(f, samples);
   const arms = (size, off) => c ? [c[0] - size, c[1] + off, c[2], c[0] + size, c[1] + off, c[2],
     c[0] + off, c[1] - size, c[2], c[0] + off, c[1] + size, c[2]] : [];

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "engine/contact/contact_edge.h"
 #include "engine/math/svd3.h"
 #include "scenes/viewer/bytes.h"
 
@@ -105,6 +106,10 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
         put(out, std::uint8_t(strains.limited[std::size_t(i)]));
     }
     for (const double f : forces) put_scaled<std::int16_t>(out, f, double(force_unit));
+    const std::vector<Vec3<double>> outline = contact_outline(contact);
+    put(out, std::uint16_t(outline.size()));
+    for (const Vec3<double>& x : outline)
+        for (int d = 0; d < 3; ++d) put_scaled<std::int16_t>(out, x[d], 2e-6);
 }
 
 /// A soft object's skin, in the frame of its pose.

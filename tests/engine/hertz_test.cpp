@@ -1,5 +1,6 @@
 // Contact against a closed form: a rigid sphere pressed into a deep elastic block (Hertz 1882).
 
+#include "engine/contact/contact_edge.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -87,6 +88,89 @@ TEST(Hertz, SphereOnADeepBlock) {
     }
     EXPECT_LT(last_force, 0.05);
     EXPECT_LT(last_pressure, 0.05);
+}
+
+/// Corners of a grid of equal cells in the middle, growing ones beyond, moved by a share of a cell.
+TetMesh moved_half_space(int fine, double along_x, double along_y) {
+    TetMesh mesh = half_space(fine);
+    const double h = contact_radius / fine;
+    for (Point& p : mesh.nodes) p[0] += along_x * h, p[1] += along_y * h;
+    return mesh;
+}
+
+/// The pad of a block as the world would have it: pressed forces at nodes, gaps beside them.
+ContactSurface surface_of(const TetMesh& mesh, const SkinChunk<double>& chunk, const Shape& shape,
+                          const Pose<double>& pose) {
+    ContactSurface c;
+    c.modulus = young / (1 - poisson * poisson);
+    const std::vector<double> area = nodal_areas(mesh);
+    std::vector<int> sample(mesh.nodes.size(), -1);
+    for (int node : mesh.pad_nodes) {
+        const auto s = std::size_t(c.position.size()), n = std::size_t(node);
+        sample[n] = int(s);
+        const Vec3<double> x = node_position(chunk, node, 0);
+        c.position.push_back(x);
+        c.area.push_back(area[n]);
+        const double force = chunk.state.normal_multiplier[s];
+        c.touches.push_back(force > 0);
+        c.pressing.push_back({0, 0, force});
+        c.gap.push_back(force > 0 ? 0 : std::max(0.0, surface_point(shape, pose, x).distance));
+    }
+    for (const auto& f : mesh.surface) {
+        const std::array<int, 3> samples{sample[std::size_t(f[0])], sample[std::size_t(f[1])],
+                                         sample[std::size_t(f[2])]};
+        if (samples[0] >= 0 && samples[1] >= 0 && samples[2] >= 0) c.faces.push_back(samples);
+    }
+    return c;
+}
+
+struct AreaErrors {
+    double mean = 0, worst = 0, worst_of_nodes = 0;
+};
+/// Areas under a sphere in several places of a mesh, against a circle whose radius follows from the force.
+AreaErrors areas(int fine) {
+    AreaErrors out;
+    constexpr int count = 6;
+    const double modulus = young / (1 - poisson * poisson);
+    for (int k = 0; k < count; ++k) {
+        const double x = 0.5 * k / (count - 1), y = 0.31 * k / (count - 1);  // from on a node to between nodes
+        const TetMesh mesh = moved_half_space(fine, x, y);
+        auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
+                                                 {.limits = false, .young = young, .poisson = poisson});
+        Pose<double> sphere = Pose<double>::identity();
+        sphere.position.z = contact_radius * contact_radius / sphere_radius - sphere_radius;
+        const Shape shape{ShapeKind::sphere, {sphere_radius, 0, 0}};
+        testing::touch_all(chunk, {0, shape, sphere, Pose<double>::identity(), 0});
+        testing::aim_all(chunk, 1e7, 1e5, Pose<double>::identity());
+        SolverSettings s;
+        s.inertia = false;
+        s.contact_tolerance = 1e-9;
+        for (int i = 0; i < 3 && !(i > 0 && chunk.status[0].converged); ++i) solve_skin(chunk, s);
+        EXPECT_TRUE(chunk.status[0].converged);
+        const double force = chunk.status[0].contact_force_N;
+        const double circle = M_PI * std::pow(0.75 * force * sphere_radius / modulus, 2.0 / 3);
+        const ContactSurface c = surface_of(mesh, chunk, shape, sphere);
+        double nodes = 0;
+        for (std::size_t i = 0; i < c.area.size(); ++i) nodes += c.touches[i] ? c.area[i] : 0;
+        const double error = area_in_contact(c) / circle - 1;
+        out.mean += error / count;
+        out.worst = std::max(out.worst, std::abs(error));
+        out.worst_of_nodes = std::max(out.worst_of_nodes, std::abs(nodes / circle - 1));
+    }
+    return out;
+}
+
+TEST(Hertz, AreaBetweenNodes) {
+    const double mean_bound[] = {0, 0.04, 0.02}, worst_bound[] = {0, 0.30, 0.08};
+    for (int fine : {1, 2}) {
+        const AreaErrors found = areas(fine);
+        std::printf("%d cells across the contact's radius: area %+.1f %% in the mean, at most %.1f %% off; whole nodes "
+                    "%.0f %%\n",
+                    fine, 100 * found.mean, 100 * found.worst, 100 * found.worst_of_nodes);
+        EXPECT_LT(std::abs(found.mean), mean_bound[fine]);
+        EXPECT_LT(found.worst, worst_bound[fine]);
+        EXPECT_GT(found.worst_of_nodes, 2 * found.worst);
+    }
 }
 
 }  // namespace

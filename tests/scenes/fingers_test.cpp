@@ -39,30 +39,14 @@ std::vector<IndentationCurve> pressed(const std::vector<Indentation>& fingers, I
     return indent(fingers, s, threads);
 }
 
-TEST(PatchArea, OfADiscAndOfARing) {
-    std::vector<Point> nodes;
-    std::vector<std::array<int, 3>> triangles;
-    constexpr int n = 60;
-    for (int i = 0; i <= n; ++i)
-        for (int j = 0; j <= n; ++j) nodes.push_back({2.0 * i / n - 1, 2.0 * j / n - 1, 0.1 * i});
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j) {
-            const int a = i * (n + 1) + j;
-            triangles.push_back({a, a + n + 1, a + n + 2});
-            triangles.push_back({a, a + n + 2, a + 1});
-        }
-    std::vector<double> disc, ring;
-    for (const Point& p : nodes) {
-        const double r = std::hypot(p[0], p[1]);
-        disc.push_back(r - 0.7);
-        ring.push_back(std::abs(r - 0.6) - 0.1);
-    }
-    const PatchArea d = patch_area(nodes, triangles, disc), r = patch_area(nodes, triangles, ring);
-    EXPECT_NEAR(d.area, pi * 0.49, 0.005);
-    EXPECT_NEAR(d.hull, pi * 0.49, 0.005);
-    EXPECT_NEAR(r.area, pi * 0.24, 0.01);
-    EXPECT_NEAR(r.hull, pi * 0.49, 0.005);
-    EXPECT_EQ(patch_area(nodes, triangles, std::vector<double>(nodes.size(), 1.0)).hull, 0);
+TEST(HullArea, OfADiscWithinWhichPointsLie) {
+    std::vector<std::array<double, 2>> points;
+    for (int k = 0; k < 400; ++k)
+        for (const double r : {0.3, 0.5, 0.7})
+            points.push_back({r * std::cos(2 * pi * k / 400), r * std::sin(2 * pi * k / 400)});
+    EXPECT_NEAR(hull_area(points), pi * 0.49, 1e-4);
+    EXPECT_EQ(hull_area({}), 0);
+    EXPECT_EQ(hull_area({{0, 0}, {1, 1}}), 0);
 }
 
 TEST(Indentation, ForceGrowsWithDisplacementAndScalesWithStiffness) {

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "engine/contact/contact_edge.h"
 #include "meshes/input_error.h"
 #include "scenes/load/presets.h"
 #include "scenes/picture/scene_triangles.h"
@@ -56,7 +57,9 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
     constexpr std::size_t hand_bytes = hand_bone_count * (9 * 2 + 3 * 4);
     ASSERT_EQ(stage["hands"].size(), 1u);
-    EXPECT_EQ(frame.size(), 8 + 44 + 10 * nodes + 6 * samples + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
+    const std::size_t outline = contact_outline(s.world.contact_surfaces[0]).size();
+    EXPECT_GT(outline, 10u);
+    EXPECT_EQ(frame.size(), 8 + 44 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
                                 6 * (4 + 4 + 3 * 3) +      // two frames, three legs
                                 8 + 8 * nodes + samples +  // the pad on the platform
                                 hand_bytes);
