@@ -38,8 +38,8 @@ namespace {
 std::array<double, 3> edge_point(const ContactSurface& c, const std::array<int, 3>& face, std::size_t touching,
                                  std::size_t free) {
     const auto a = std::size_t(face[touching]), b = std::size_t(face[free]);
-    const double reach = reach_along_edge(norm(c.pressing[a]) / c.area[a], c.gap[b],
-                                          norm(c.position[b] - c.position[a]), c.modulus);
+    const double reach =
+        reach_along_edge(norm(c.pressing[a]) / c.area[a], c.gap[b], norm(c.position[b] - c.position[a]), c.modulus);
     std::array<double, 3> share{0, 0, 0};
     share[touching] = 1 - reach, share[free] = reach;
     return share;
@@ -81,7 +81,8 @@ double area_in_contact(const ContactSurface& surface) {
         for (int k = 0; k < pressed.count; ++k) {
             const auto& corner = pressed.part[std::size_t(k)].corner;
             const Vec3<double> a = face_point(surface, face, corner[0]);
-            area += 0.5 * norm(cross(face_point(surface, face, corner[1]) - a, face_point(surface, face, corner[2]) - a));
+            area +=
+                0.5 * norm(cross(face_point(surface, face, corner[1]) - a, face_point(surface, face, corner[2]) - a));
         }
     }
     return area;

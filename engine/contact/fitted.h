@@ -11,8 +11,8 @@ inline constexpr double rough_from = 0.05;
 /// fingers under bodies of some grams, in single precision).
 inline constexpr double own_residual = 1e-3, own_rounding = 1e-3;
 /// A sample that touches bears what presses around it, out to where contact ends: its force over its whole share of the
-/// skin is less than the pressure there, by about this factor (a sphere on a deep block, moved over a mesh of 1, 2 and 3
-/// cells across the contact's radius: test `Hertz.AreaBetweenNodes`).
+/// skin is less than the pressure there, by about this factor (a sphere on a deep block, moved over a mesh of 1, 2 and
+/// 3 cells across the contact's radius: test `Hertz.AreaBetweenNodes`).
 inline constexpr double nodal_gap = 0.65;
 /// Boxes, discs and plates that are less than twice this thick remember the side a point is on; in thicker ones the
 /// nearest face is the right one (cards of 0.1 and 1 mm met at 0.1 to 10 m/s) [m].

@@ -67,8 +67,7 @@ void spread(const Vec3<double>& force, const Vec3<double>& place, Grid& grid) {
 
 Vec3<double> place_of(const SweepTrace::Finger& finger, int face, const std::array<double, 3>& share) {
     Vec3<double> x{0, 0, 0};
-    for (std::size_t k = 0; k < 3; ++k)
-        x += share[k] * finger.place[std::size_t(finger.faces[std::size_t(face)][k])];
+    for (std::size_t k = 0; k < 3; ++k) x += share[k] * finger.place[std::size_t(finger.faces[std::size_t(face)][k])];
     return x;
 }
 
@@ -96,8 +95,7 @@ void sample_pressed(const SweepTrace::Finger& finger, Visit visit) {
 void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
     std::vector<double> around(finger.field.size(), 0.0);
     sample_pressed(finger, [&](int face, const std::array<double, 3>& share, double area) {
-        for (std::size_t k = 0; k < 3; ++k)
-            around[std::size_t(finger.faces[std::size_t(face)][k])] += share[k] * area;
+        for (std::size_t k = 0; k < 3; ++k) around[std::size_t(finger.faces[std::size_t(face)][k])] += share[k] * area;
     });
     sample_pressed(finger, [&](int face, const std::array<double, 3>& share, double area) {
         Vec3<double> force{0, 0, 0};

@@ -41,8 +41,8 @@ struct SweepPoint {
 SweepPoint run_point(const std::filesystem::path& scene, const std::vector<std::string>& overrides, double period,
                      int threads, const std::atomic<bool>& stop, SweepTrace& trace);
 /// How force fields are compared: sample by sample (NaN where samples are others), or as seen on a grid of 3 mm. There
-/// a node's force is a pressure on what is in contact of the faces around it, which falls linearly to their other nodes,
-/// and each bit of it is spread over the eight corners around it.
+/// a node's force is a pressure on what is in contact of the faces around it, which falls linearly to their other
+/// nodes, and each bit of it is spread over the eight corners around it.
 enum class FieldComparison { samples, grid };
 SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference,
                       FieldComparison comparison = FieldComparison::samples);

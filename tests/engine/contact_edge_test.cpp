@@ -72,13 +72,14 @@ TEST(ContactEdge, ANodeThatBeginsToTouchChangesNoArea) {
 /// Largest change of the area in one step, as a share of it, above a tenth of a newton: the area in contact, and that
 /// of whole nodes.
 std::array<double, 2> largest_leaps(const std::string& mesh) {
-    Scene scene = load_scene_text("duration_s = 0.62\ndt_ms = 1\n[solver]\npreset = \"reference\"\n"
-                                  "[[object]]\nname = \"table\"\nkind = \"plane\"\n"
-                                  "[[finger]]\nname = \"index\"\nshape = { finger = \"index\" }\n" +
-                                      mesh +
-                                      "track = [ { t_s = 0, position_mm = [0, 0, 9.2], rotation_deg = [0, 20, 0] },\n"
-                                      "          { t_s = 0.6, position_mm = [0, 0, 7], rotation_deg = [0, 20, 0] } ]\n",
-                                  "press.toml");
+    Scene scene = load_scene_text(
+        "duration_s = 0.62\ndt_ms = 1\n[solver]\npreset = \"reference\"\n"
+        "[[object]]\nname = \"table\"\nkind = \"plane\"\n"
+        "[[finger]]\nname = \"index\"\nshape = { finger = \"index\" }\n" +
+            mesh +
+            "track = [ { t_s = 0, position_mm = [0, 0, 9.2], rotation_deg = [0, 20, 0] },\n"
+            "          { t_s = 0.6, position_mm = [0, 0, 7], rotation_deg = [0, 20, 0] } ]\n",
+        "press.toml");
     Simulation s = make_simulation(std::move(scene), 1);
     std::array<double, 2> last{}, leap{};
     while (s.world.time < 0.6) {

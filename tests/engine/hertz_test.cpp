@@ -164,9 +164,10 @@ TEST(Hertz, AreaBetweenNodes) {
     const double mean_bound[] = {0, 0.04, 0.02}, worst_bound[] = {0, 0.30, 0.08};
     for (int fine : {1, 2}) {
         const AreaErrors found = areas(fine);
-        std::printf("%d cells across the contact's radius: area %+.1f %% in the mean, at most %.1f %% off; whole nodes "
-                    "%.0f %%\n",
-                    fine, 100 * found.mean, 100 * found.worst, 100 * found.worst_of_nodes);
+        std::printf(
+            "%d cells across the contact's radius: area %+.1f %% in the mean, at most %.1f %% off; whole nodes "
+            "%.0f %%\n",
+            fine, 100 * found.mean, 100 * found.worst, 100 * found.worst_of_nodes);
         EXPECT_LT(std::abs(found.mean), mean_bound[fine]);
         EXPECT_LT(found.worst, worst_bound[fine]);
         EXPECT_GT(found.worst_of_nodes, 2 * found.worst);

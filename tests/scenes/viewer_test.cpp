@@ -59,9 +59,9 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     ASSERT_EQ(stage["hands"].size(), 1u);
     const std::size_t outline = contact_outline(s.world.contact_surfaces[0]).size();
     EXPECT_GT(outline, 10u);
-    EXPECT_EQ(frame.size(), 8 + 44 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * stage["objects"].size() + 28 + 4 * joints + 8 +
-                                6 * (4 + 4 + 3 * 3) +      // two frames, three legs
-                                8 + 8 * nodes + samples +  // the pad on the platform
+    EXPECT_EQ(frame.size(), 8 + 44 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * stage["objects"].size() + 28 +
+                                4 * joints + 8 + 6 * (4 + 4 + 3 * 3) +  // two frames, three legs
+                                8 + 8 * nodes + samples +               // the pad on the platform
                                 hand_bytes);
     // The platform presses about as hard as the table, and touches about the same samples.
     EXPECT_NEAR(felt[0].normal_force, s.world.contact_surfaces[0].normal_force, 0.1);
