@@ -70,6 +70,13 @@ FingerModel read_common_finger(Section& root) {
         model.spec);
     read_coupling(root.table("coupling", coupling_sentence), model.spec.coupling);
     read_filter(root.table("filter", filter_sentence), model.spec.filter);
+    model.mesh.kind = FingerMeshRequest::Kind::conforming, model.mesh.patch = 5;
+    Section mesh = root.table("mesh", "How fingers are meshed of which neither they nor their files say it.");
+    if (mesh) {
+        read_how_meshed(mesh, model.mesh);
+        mesh.finish();
+    }
+    model.mesh.by_default = !mesh.has("kind");
     return model;
 }
 
@@ -80,6 +87,8 @@ void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerM
         "Shape, tissue and limits from a preset (`palpate list`), or from a file that ends with .toml; the keys here "
         "override it.");
     if (named.empty()) return;
+    const FingerMeshRequest plain;  // what a file says nothing of is as it was when it was written
+    m.mesh.kind = plain.kind, m.mesh.patch = plain.patch, m.mesh.grading = plain.grading, m.mesh.by_default = false;
     Problems found{problems.file, {}};
     read_named_finger(named, folder, m, found);
     if (!found.messages.empty()) s.complain_as_found("finger", found.messages);
