@@ -67,11 +67,13 @@ void Board::take_positions(std::span<const WireValue> positions) {
     for (std::size_t c = 0; c < max_channels; ++c) {
         position_[c].store(positions[c], std::memory_order_release);
         told_[c] = {positions[c], positions[c], now};
+        underway_[c] = no_pulse;
         following_[c].start(positions[c], now);
         write_watch_[c].forget();
         read_watch_[c].forget();
     }
-    for (AnswerWatch* watch : {&feed_watch_, &torque_watch_, &read_problem_watch_}) watch->forget();
+    lost_.fill(false);
+    for (AnswerWatch* watch : {&feed_watch_, &recall_watch_, &torque_watch_, &read_problem_watch_}) watch->forget();
 }
 
 void Board::activate() {
@@ -290,7 +292,8 @@ void Board::note_write(const ChannelTarget& target, const Transfer& transfer, do
     told.took = over - began;
     told.sent = transfer.sent;
     sent_[c] = arrived ? target.value : no_pulse;
-    underway_[c] = no_pulse;
+    lost_[c] = !arrived && link_->recalls;
+    if (arrived) underway_[c] = no_pulse;
     following_[c].told(target.value, end);
     const double pose_at = due_pose_[c], age = (arrived ? transfer.arrived : end) - pose_at;
     audit_.add({end, pose_at > 0 ? float(age) : -1.0f, std::int8_t(target.channel), arrived, false, target.value});
@@ -298,10 +301,15 @@ void Board::note_write(const ChannelTarget& target, const Transfer& transfer, do
     write_watch_[c].good();
     ++values_;
     if (!link_->measures) position_[c].store(target.value, std::memory_order_release);
-    if (pose_at <= 0 || pose_at == counted_pose_[c]) return;
-    counted_pose_[c] = pose_at;
-    age_[c].add(age);
-    newest_age_[c].store(age, std::memory_order_relaxed);
+    count_age(c, age);
+}
+
+/// Once per pose, of those that arrived: late ones are old, and are counted as that.
+void Board::count_age(std::size_t channel, double age) {
+    const double pose_at = due_pose_[channel];
+    if (pose_at <= 0 || pose_at == std::exchange(counted_pose_[channel], pose_at)) return;
+    age_[channel].add(age);
+    newest_age_[channel].store(age, std::memory_order_relaxed);
 }
 
 void Board::feed() {
@@ -317,6 +325,45 @@ void Board::feed() {
         last_word_ = began;
     }
     if (link_->measures && (state() == BoardState::active || state() == BoardState::inactive)) read_positions(began);
+}
+
+/// Asks for what servos hold of which a transfer was lost. False where that is not known yet.
+bool Board::recall_lost() {
+    std::array<int, max_channels> channels;
+    std::array<WireValue, max_channels> held{};
+    std::size_t count = 0;
+    for (std::size_t c = 0; c < max_channels; ++c)
+        if (lost_[c]) channels[count++] = int(c);
+    if (count == 0) return true;
+    const double began = device_clock();
+    const std::span<const int> lost(channels.data(), count);
+    if (const LinkProblem problem = link_->recall(lost, held)) {
+        recall_watch_.bad(began);
+        fail(problem, recall_watch_.given_up(device_clock()));
+        return false;
+    }
+    recall_watch_.good();
+    feed();  // where its watchdog has bitten, what they hold is not what they were told
+    if (unheard_ || seized_ || state() != BoardState::active) return false;
+    for (const int c : lost) take_held(std::size_t(c), held[std::size_t(c)]);
+    return state() == BoardState::active;
+}
+
+/// It goes on from there, as one that stands.
+void Board::take_held(std::size_t channel, WireValue held) {
+    const WireValue lost = underway_[channel].exchange(no_pulse);
+    lost_[channel] = false;
+    if (held == no_pulse && position_[channel] != no_pulse)
+        return fail({"servo " + std::to_string(channel) + " gets no pulses any more", true, FaultKind::watchdog}, true);
+    if (held == lost) {
+        write_watch_[channel].good();
+        ++values_;
+        count_age(channel, device_clock() - due_pose_[channel]);
+    }
+    Told& told = told_[channel];
+    told = {held, held, told.at, 0, told.took, told.sent};
+    sent_[channel] = held;
+    if (!link_->measures) position_[channel].store(held, std::memory_order_release);
 }
 
 /// Where servos are; whether each answers, and follows.
@@ -375,7 +422,8 @@ void Board::end_easing() {
 void Board::exchange() {
     held_back_ = false;
     if (unheard_ || device_clock() - last_word_ > ask_first_after) feed();
-    if (unheard_) return void(held_back_ = true);  // its watchdog may have bitten: nothing is told meanwhile
+    // Its watchdog may have bitten, or servos hold nobody knows what: nothing is told meanwhile.
+    if (unheard_ || (state() == BoardState::active && !recall_lost())) return void(held_back_ = true);
     if (state() == BoardState::active) write_changed_torques();  // before what they are to push with
     if (state() == BoardState::active) write_changed();
     if (state() == BoardState::active && device_clock() >= next_feed_) feed();
@@ -429,35 +477,6 @@ void Board::serve() {
         }
         if (last) return take_turns(urgent);
     }
-}
-
-void Board::seize() noexcept {
-    seized_ = true;
-    for (std::size_t c = 0; c < max_channels; ++c) {
-        const WireValue sent = sent_[c], at = sent == no_pulse ? position_[c].load() : sent;
-        const WireValue underway = underway_[c];  // it may arrive, or not
-        const bool either = at != no_pulse && underway != no_pulse;
-        told_[c] = {either ? std::min(at, underway) : at, either ? std::max(at, underway) : at, 0};
-    }
-}
-
-bool Board::rest_in_signal(double elapsed) noexcept {
-    if (state() != BoardState::active) return false;
-    ChannelTarget targets[max_channels];
-    std::size_t count = 0;
-    for (int channel = 0; channel < max_channels; ++channel) {
-        const auto c = std::size_t(channel);
-        const WireValue rest = rest_[c], at = told_[c].low;
-        const bool known = at == told_[c].high;
-        if (rest == no_pulse || at == no_pulse || (known && rest == at)) continue;
-        WireLimits limits = limits_[c];
-        if (easing_) limits.speed *= first_move_share;
-        const WireValue value = limit_wire(rest, told_[c], limits, elapsed);
-        if (value == no_pulse || (known && value == at)) continue;
-        targets[count++] = {channel, value};
-        told_[c] = told_after(told_[c], value, true, limits, elapsed, 0);
-    }
-    return count > 0 && link_->write_in_signal({targets, count});
 }
 
 }  // namespace palpate

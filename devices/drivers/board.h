@@ -85,8 +85,11 @@ class Board {
     std::size_t due_targets(std::span<ChannelTarget> targets, double now);
     void write_changed();
     void note_write(const ChannelTarget& target, const Transfer& transfer, double began, double end);
+    void count_age(std::size_t channel, double age);
     void write_changed_torques();
     void feed();
+    bool recall_lost();
+    void take_held(std::size_t channel, WireValue held);
     void read_positions(double began);
     void end_easing();
     void fail(const LinkProblem& problem, bool given_up);
@@ -100,7 +103,8 @@ class Board {
     /// part.
     std::array<std::atomic<std::uint64_t>, max_channels> wanted_{};
     std::array<std::atomic<WireValue>, max_channels> position_{}, sent_{}, rest_{}, wanted_torque_{};
-    std::array<std::atomic<WireValue>, max_channels> underway_{};  ///< in a write that has not ended; no_pulse: none
+    std::array<std::atomic<WireValue>, max_channels>
+        underway_{};  ///< sent, and not known to have arrived; no_pulse: none
     std::array<std::atomic<double>, max_channels> newest_age_{};
     std::array<LatencyHistogram, max_channels> age_;
     std::array<WireValue, max_channels> sent_torque_{};
@@ -109,7 +113,7 @@ class Board {
     std::array<Told, max_channels> told_{};
     std::array<AnswerWatch, max_channels> write_watch_, read_watch_;
     std::array<FollowingError, max_channels> following_{};
-    AnswerWatch feed_watch_, torque_watch_, read_problem_watch_;
+    AnswerWatch feed_watch_, recall_watch_, torque_watch_, read_problem_watch_;
     Audit audit_;
     mutable std::mutex limits_mutex_;
     std::atomic<BoardState> state_{BoardState::unconfigured};
@@ -117,8 +121,9 @@ class Board {
     std::atomic<std::int64_t> wakes_{0}, writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
     std::array<double, max_channels> due_pose_{}, counted_pose_{};  ///< poses behind what is sent, and was counted [s]
     bool easing_ = false, position_unknown_ = false, held_back_ = false, audit_due_ = false;
-    bool unheard_ = false;     ///< how it is was asked, and got no good answer
-    double moving_since_ = 0;  ///< when the first value after activation was sent; 0: none was [s]
+    std::array<bool, max_channels> lost_{};  ///< nobody knows whether a transfer arrived; to be asked for
+    bool unheard_ = false;                   ///< how it is was asked, and got no good answer
+    double moving_since_ = 0;                ///< when the first value after activation was sent; 0: none was [s]
     double caught_up_since_ = 0, last_word_ = 0, next_feed_ = 0, next_open_ = 0;
     double woken_at_ = 0, wakes_every_ = 0, write_takes_ = 0;  ///< the rhythm of ticks, and of what they send [s]
     LatencyHistogram latency_;

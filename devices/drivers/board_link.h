@@ -47,6 +47,9 @@ class BoardLink {
     /// Sends targets, and says of each when. Where it is held up for longer than ask_first_after between two of them,
     /// as in a stopped process, the rest stays unsent, which is a problem.
     virtual LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) = 0;
+    /// What servos hold, after transfers to them of which nobody knows whether they arrived: their newest target
+    /// [max_channels], no_pulse for one that was told nothing. Only where `recalls`.
+    virtual LinkProblem recall(std::span<const int> /*channels*/, std::span<WireValue> /*held*/) { return {}; }
     /// Sends torque limits, where the servos have them.
     virtual LinkProblem write_torques(std::span<const ChannelTarget> /*limits*/) { return {}; }
     /// Keeps the controller's watchdog from biting, and asks how it is, and whether the watchdog has bitten.
@@ -60,6 +63,7 @@ class BoardLink {
     virtual bool write_in_signal(std::span<const ChannelTarget> /*targets*/) noexcept { return false; }
     double steps_per_unit = 4;  ///< wire values per unit of the calibration
     bool measures = false;      ///< read() returns measured positions
+    bool recalls = false;       ///< recall() returns what was told
 };
 
 }  // namespace palpate

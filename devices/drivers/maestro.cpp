@@ -31,6 +31,7 @@ using usb::transfer;
 constexpr int stuck_at_most = 20;
 
 const LinkProblem held_up{"transfers to the Maestro were held up", false, FaultKind::silent};
+const LinkProblem another_length{"the Maestro answered with a reply of another length", false, FaultKind::bad_reply};
 
 int parameter(const Handle& handle, int which, int bytes) {
     const auto reply = transfer(handle, get_parameter(which, bytes));
@@ -132,7 +133,7 @@ std::string node_of(const BoardInfo& info) {
 
 class MaestroLink final : public BoardLink {
   public:
-    explicit MaestroLink(LinkSettings settings) : settings_(std::move(settings)) {}
+    explicit MaestroLink(LinkSettings settings) : settings_(std::move(settings)) { recalls = true; }
     ~MaestroLink() override { close(); }
 
     std::string open(std::span<WireValue> positions) override try {
@@ -179,14 +180,22 @@ class MaestroLink final : public BoardLink {
             targets.size(), [&](std::size_t i) { return set_target(targets[i].channel, targets[i].value); }, transfers);
     }
 
+    LinkProblem recall(std::span<const int> channels, std::span<WireValue> held) override {
+        if (const auto p = send(channels_ == 6 ? get_variables(6) : get_servo_settings(channels_))) return p;
+        for (const int c : channels) {
+            const auto servo = parse_servo(channels_, c, reply());
+            if (!servo) return another_length;
+            held[std::size_t(c)] = servo->target;
+        }
+        return {};
+    }
+
     LinkProblem feed() override {
         // Clearing errors feeds the watchdog, and forgets that it has bitten: they are cleared by who has read them.
         const double began = device_clock();
         if (const auto p = send(get_variables(channels_))) return p;
-        const Pending& reply = (*pending_)[0];
-        const auto variables = parse_variables(
-            channels_, std::span(reply.buffer + LIBUSB_CONTROL_SETUP_SIZE, std::size_t(reply.transfer->actual_length)));
-        if (!variables) return {"the Maestro answered with a reply of another length", false, FaultKind::bad_reply};
+        const auto variables = parse_variables(channels_, reply());
+        if (!variables) return another_length;
         // Errors were cleared as it was opened: this one came since.
         if (variables->errors & serial_timeout)
             return {"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
@@ -252,6 +261,11 @@ class MaestroLink final : public BoardLink {
         Transfer transfer;
         return send_all(
             1, [&](std::size_t) { return request; }, std::span(&transfer, 1));
+    }
+    /// What the last request that was sent by itself brought.
+    std::span<const std::uint8_t> reply() const {
+        const Pending& p = (*pending_)[0];
+        return {p.buffer + LIBUSB_CONTROL_SETUP_SIZE, std::size_t(p.transfer->actual_length)};
     }
     bool wait_for_all(std::size_t count, int milliseconds);
     static LinkProblem problem_of(int channel_index, const libusb_transfer& t);

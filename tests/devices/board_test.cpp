@@ -318,8 +318,10 @@ struct Judge {
     std::mt19937 random;
     WireLimits limits;
     bool open = false, active = false;
+    bool recalls = false;  ///< it tells what servos hold: nothing is told while that is not known
     struct Servo {
         double low = 0, high = 0, at = 0;  ///< where it may be; 0: anywhere
+        WireValue held = 0;                ///< where it is
     };
     std::array<Servo, 4> servos;
     std::string verdict;
@@ -328,7 +330,7 @@ struct Judge {
 };
 class HostileLink final : public BoardLink {
   public:
-    explicit HostileLink(Judge& judge) : judge_(judge) {}
+    explicit HostileLink(Judge& judge) : judge_(judge) { recalls = judge.recalls; }
     std::string open(std::span<WireValue> positions) override {
         const std::lock_guard lock(judge_.mutex);
         if (judge_.open) close_now();
@@ -336,7 +338,7 @@ class HostileLink final : public BoardLink {
         for (std::size_t c = 0; c < judge_.servos.size(); ++c) {
             const WireValue at = WireValue(4000 + judge_.random() % 4000);  // somebody may have turned it
             positions[c] = at;
-            judge_.servos[c] = {double(at), double(at), device_clock()};
+            judge_.servos[c] = {double(at), double(at), device_clock(), at};
         }
         judge_.open = true;
         return "";
@@ -371,6 +373,16 @@ class HostileLink final : public BoardLink {
         if (judge_.chance(60)) return fail({"gone", true, FaultKind::unplugged});
         return problem;
     }
+    LinkProblem recall(std::span<const int> channels, std::span<WireValue> held) override {
+        const std::lock_guard lock(judge_.mutex);
+        if (judge_.chance(4)) return {"lost", false, FaultKind::silent};
+        for (const int c : channels) {
+            Judge::Servo& s = judge_.servos[std::size_t(c)];
+            held[std::size_t(c)] = s.held;
+            s.low = s.high = s.held;
+        }
+        return {};
+    }
     LinkProblem feed() override {
         const std::lock_guard lock(judge_.mutex);
         if (judge_.chance(20)) return fail({"bitten", true, FaultKind::watchdog});
@@ -393,7 +405,9 @@ class HostileLink final : public BoardLink {
         if (std::max(v - s.low, s.high - v) > most)
             judge_.verdict += "channel " + std::to_string(t.channel) + " by " +
                               std::to_string(std::max(v - s.low, s.high - v)) + " in " + std::to_string(time) + " s; ";
-        s = lost ? Judge::Servo{std::min(s.low, v), std::max(s.high, v), now} : Judge::Servo{v, v, now};
+        if (judge_.recalls && s.low != s.high) judge_.verdict += "told while nobody knew what it holds; ";
+        const WireValue held = lost && judge_.chance(2) ? s.held : t.value;
+        s = lost ? Judge::Servo{std::min(s.low, v), std::max(s.high, v), now, held} : Judge::Servo{v, v, now, held};
     }
     Judge& judge_;
 };
@@ -405,6 +419,7 @@ TEST(Board, AnySequenceOfFaultsStaysSafe) {
         Judge judge;
         judge.random.seed(unsigned(seed));
         judge.limits = {4000, 8000, 15000, 700000};
+        judge.recalls = seed % 2 == 0;
         {
             Board board(std::make_unique<HostileLink>(judge));
             for (int c = 0; c < 4; ++c) board.limit(c, judge.limits);

@@ -19,7 +19,11 @@ struct FakeState {
     std::vector<double> times;        ///< of what was seen [s]
     std::vector<std::size_t> counts;  ///< of targets that each write had
     std::vector<double> speed_shares;
-    std::string calls;  ///< w: write, f: feed, F: one that took long, x: one that complained; as they end
+    std::string calls;  ///< w: write, f: feed, F: one that took long, x: one that complained, r: recall; as they end
+    std::array<WireValue, max_channels> held{};  ///< what servos hold, whoever knows it
+    std::atomic<bool> recalls{false}, recall_fails{false};
+    /// Answers to writes are lost, so often; what was written arrives all the same, or does not.
+    std::atomic<int> lost_arrive{0}, lost_vanish{0};
     std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
     std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
     std::atomic<int> shaft{0};  ///< where servo 0 is, as measured; 0: nobody measures
@@ -29,10 +33,11 @@ class FakeLink final : public BoardLink {
     explicit FakeLink(FakeState& state) : state_(state) {
         ask_to_be_served_first();
         measures = state.shaft > 0;
+        recalls = state.recalls;
     }
     std::string open(std::span<WireValue> positions) override {
         if (!state_.there) return "not there";
-        positions[0] = 5000;
+        positions[0] = state_.held[0] = 5000;
         return "";
     }
     void close() override {}
@@ -50,11 +55,26 @@ class FakeLink final : public BoardLink {
                 problem = {"refused", false, FaultKind::refused};
                 continue;
             }
+            const bool gone = state_.lost_vanish > 0, unheard = gone || state_.lost_arrive > 0;
+            if (!gone) state_.held[std::size_t(targets[i].channel)] = targets[i].value;
+            if (unheard) {
+                --(gone ? state_.lost_vanish : state_.lost_arrive);
+                transfers[i].sent = device_clock();
+                problem = {"no answer", false, FaultKind::silent};
+                continue;
+            }
             state_.seen.push_back(targets[i]);
             transfers[i] = {device_clock(), device_clock() + 1e-3 * state_.apart_ms * double(i)};
             state_.times.push_back(device_clock());
         }
         return problem;
+    }
+    LinkProblem recall(std::span<const int> channels, std::span<WireValue> held) override {
+        const std::lock_guard lock(state_.mutex);
+        state_.calls += 'r';
+        if (state_.recall_fails) return {"no answer", false, FaultKind::silent};
+        for (const int c : channels) held[std::size_t(c)] = state_.held[std::size_t(c)];
+        return {};
     }
     LinkProblem feed() override {
         const int delay_ms = state_.feed_delay_ms.exchange(0);

@@ -5,13 +5,13 @@
 //                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] [--prompt 1]
 //                    [--keeps-speed 0] [--slow-ms MS] [--another 1] -- COMMAND...
 //
-// KIND: stall, timeout, partial (timeout with half the data), short, long, errors (once), sticky (an error from then
-// on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), unread (it has, and who asks for errors
-// is refused once), hang (never given back), unplug. With --bites 1 the watchdog bites by itself, where the board hears
-// nothing. --at N [quarter us]: what servos were told before. --prompt 1: boards are served before other work.
-// --keeps-speed 0: speed limits are taken, and read back as none. --slow-ms: so long each target takes. --another 1:
-// what is plugged in again is another board. Boards come and go with udev's events. The log is what wire_log.h reads.
-// Exits as the command does.
+// KIND: stall, timeout, partial (timeout with half the data), mute (obeyed, but nothing says so), short, long, errors
+// (once), sticky (an error from then on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), unread
+// (it has, and who asks for errors is refused once), hang (never given back), unplug. With --bites 1 the watchdog bites
+// by itself, where the board hears nothing. --at N [quarter us]: what servos were told before. --prompt 1: boards are
+// served before other work. --keeps-speed 0: speed limits are taken, and read back as none. --slow-ms: so long each
+// target takes. --another 1: what is plugged in again is another board. Boards come and go with udev's events. The log
+// is what wire_log.h reads. Exits as the command does.
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
@@ -169,6 +169,11 @@ int submit(Board& b, Urb urb) {
     }
     if (b.bus->options.slow_ms > 0 && type == 0x40 && request == 0x85)
         std::this_thread::sleep_for(std::chrono::milliseconds(b.bus->options.slow_ms));
+    if (kind == "mute") {
+        std::vector<std::uint8_t> unheard;
+        answer(b, type, request, value, index, unheard);
+        return b.waiting.push_back(urb), 0;
+    }
     if (kind == "errors") b.errors |= 1 << 4;
     if (kind == "sticky") b.sticky = true;
     if (kind == "deaf") b.deaf = true;
@@ -280,7 +285,7 @@ void pull_out(Bus& bus, Board& b) {
 
 bool parse(int argc, char** argv, Options& o) {
     static const char* kinds[] = {"stall",  "timeout", "partial", "short",  "long", "errors",
-                                  "unplug", "bite",    "deaf",    "sticky", "hang"};
+                                  "unplug", "bite",    "deaf",    "sticky", "hang", "mute"};
     for (int i = 1; i < argc; ++i) {
         const std::string arg = argv[i];
         if (arg == "--") {

@@ -44,9 +44,8 @@ inline std::string at(const WireEvent& e, const char* what, double found, double
 
 /// A servo may speed up, or set out backwards, by the acceleration limit; stop, it always may. What is read of its
 /// speed is the fastest of its steps in the last 80 ms, each for as long as it truly took: whoever was held up by a
-/// slow transfer sets out anew. A tenth is forgiven, for rounding, and some values, for what is between two of which
-/// nobody knows which has arrived. `since`: what it was told before is not known, as where its watchdog bit and nobody
-/// has noticed yet [s].
+/// slow transfer sets out anew. A tenth is forgiven, and two values, for rounding. `since`: what it was told before is
+/// not known, as where its watchdog bit and nobody has noticed yet [s].
 inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRules& r, double since) {
     constexpr double longest_credit = 0.03, recent = 0.08;
     for (std::size_t k = 1; k < told.size(); ++k) {
@@ -60,7 +59,7 @@ inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRule
             if (before * step > 0) speed = std::max(speed, (std::abs(before) + 1) / took);
         }
         const double most =
-            (speed + r.units_per_rad * r.timing_noise * r.acceleration * longest_credit) * time * 1.1 + 12;
+            (speed + r.units_per_rad * r.timing_noise * r.acceleration * longest_credit) * time * 1.1 + 2;
         if (std::abs(step) > most) return at(told[k], "sped up to a step of", std::abs(step), most);
     }
     return "";
@@ -71,8 +70,8 @@ inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRule
 /// What is wrong with what reached servos of one board: out of range, a step faster than the speed limit (or, while the
 /// board's own is a share of that, than this share), or speeding up faster than the acceleration limit. A step is no
 /// faster than a pause of 0.03 s allows, and times are those of arrival, between which the program had at least as much
-/// time; where it does not know which of two values has arrived, it sends one between them. A servo may be elsewhere
-/// after an event.
+/// time; where it does not know which of two values has arrived, it asks the board. A servo may be elsewhere after an
+/// event.
 inline std::string unsafe(const std::vector<WireEvent>& events, const WireRules& r = {}) {
     constexpr double first_move_share = 1.0 / 6, longest_credit = 0.03;
     std::map<int, std::vector<WireEvent>> told;
