@@ -3,11 +3,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <stdexcept>
+#include <utility>
 
+#include "devices/drivers/maestro_protocol.h"
 #include "devices/drivers/serial_line.h"
 #include "devices/loop/clock.h"
 
@@ -53,6 +56,8 @@ class CompactLink final : public BoardLink {
         const int baud = settings_.baud ? settings_.baud : 57600;
         line_.open(settings_.port, baud);
         byte_takes_ = is_usb_all_the_way(settings_.port) ? 0 : 10.0 / baud;
+        told_.fill(no_pulse);
+        doubtful_ = false;
         for (int c : settings_.channels) positions[std::size_t(c)] = ask(compact::get_position(c));
         if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
         ask(compact::get_errors());  // of what was before
@@ -63,16 +68,21 @@ class CompactLink final : public BoardLink {
     }
     void close() override { line_.close(); }
     LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
-        return write_in_one(line_, compact::set_targets(targets, true), byte_takes_, transfers);
+        const LinkProblem problem = write_in_one(line_, compact::set_targets(targets, true), byte_takes_, transfers);
+        for (const auto& [channel, value] : targets) told_[std::size_t(channel)] = problem ? no_pulse : value;
+        return problem;
     }
     LinkProblem write_torques(std::span<const ChannelTarget>) override {
         return {"a Maestro cannot limit the force of its servos", true, FaultKind::refused};
     }
     LinkProblem feed() override try {
+        if (doubtful_) take_what_is_late();
+        const bool doubtful = std::exchange(doubtful_, true);
         const std::uint16_t errors = ask(compact::get_errors());
-        constexpr std::uint16_t timeout = 1 << 5;
-        if (errors & timeout)
-            return {"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
+        if (errors & maestro::serial_timeout) return bitten;
+        if (doubtful)
+            if (const auto problem = astray()) return problem;
+        doubtful_ = false;
         if (errors) return {"the Maestro reports errors, bits " + std::to_string(errors), false, FaultKind::reported};
         return {};
     } catch (const std::exception& error) { return {error.what(), false, FaultKind::silent}; }
@@ -90,6 +100,25 @@ class CompactLink final : public BoardLink {
     }
 
   private:
+    inline static const LinkProblem bitten{"the Maestro's watchdog has bitten: its servos went home", true,
+                                           FaultKind::watchdog};
+    void take_what_is_late() {
+        for (const auto end = Clock::now() + milliseconds(40); Clock::now() < end;)
+            if (line_.read(Clock::now() + milliseconds(15)).empty()) return;
+    }
+    /// Asking for errors forgets them: where an answer was lost, the watchdog may have bitten all the same. Then servos
+    /// are not where they were told to be.
+    LinkProblem astray() {
+        for (int c : settings_.channels) {
+            const WireValue told = told_[std::size_t(c)], at = told == no_pulse ? told : ask(compact::get_position(c));
+            if (at == told) continue;
+            if (at == no_pulse) return bitten;
+            return {"an answer was lost, and servo " + std::to_string(c) +
+                        " is not where it was told to be: its watchdog may have bitten",
+                    false, FaultKind::silent};
+        }
+        return {};
+    }
     std::uint16_t ask(const Bytes& request) {
         line_.discard();
         if (const auto problem = line_.write(request)) throw std::runtime_error(settings_.port + ": " + problem.text);
@@ -107,6 +136,8 @@ class CompactLink final : public BoardLink {
     SerialBusSettings settings_;
     SerialLine line_;
     double byte_takes_ = 0;
+    std::array<WireValue, max_channels> told_{};  ///< no_pulse: nothing, or nobody knows
+    bool doubtful_ = false;                       ///< an answer that said how the board is was lost
 };
 
 /// Dynamixel and Feetech bus servos. The line is half-duplex: nothing is said before an answer has come, or is overdue.

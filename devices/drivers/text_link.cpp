@@ -42,11 +42,14 @@ class TextLink final : public BoardLink {
         const text::Reply hello = wake();
         if (hello.value("palpate") != text::protocol)
             throw std::runtime_error("the board speaks another version of the protocol: " + hello.words);
-        demand("watchdog " + std::to_string(watchdog_ms));
-        if (settings_.need_watchdog && demand("hello").value("watchdog") != watchdog_ms)
-            throw std::runtime_error("the board's watchdog does not read back as it was set; --no-watchdog goes on");
-        for (int c : settings_.channels) positions[std::size_t(c)] = look_at(c, hello.value("channels").value_or(0));
+        set_watchdog();
+        const int channels = hello.value("channels").value_or(0);
+        for (int c : settings_.channels)
+            if (c >= channels)
+                throw std::runtime_error("the board has channels 0 to " + std::to_string(channels - 1) + ", not " +
+                                         std::to_string(c));
         if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
+        for (int c : settings_.channels) positions[std::size_t(c)] = look_at(c);
         awake_ = true;
         return "";
     } catch (const std::exception& error) {
@@ -106,8 +109,7 @@ class TextLink final : public BoardLink {
 
     LinkProblem limit_speed(double share) override {
         std::vector<ChannelTarget> limits;
-        const double us_per_s = std::clamp(std::ceil(share * settings_.speed_us_per_s), 1.0, 20000.0);
-        for (int c : settings_.channels) limits.push_back({c, WireValue(us_per_s)});
+        for (int c : settings_.channels) limits.push_back({c, own_speed(share)});
         return settings_.speed_us_per_s > 0 ? order_targets("speed", limits) : LinkProblem{};
     }
 
@@ -146,12 +148,28 @@ class TextLink final : public BoardLink {
         }
     }
 
-    /// Where a channel is, as far as the board knows.
-    WireValue look_at(int channel, int channels) {
-        if (channel >= channels)
-            throw std::runtime_error("the board has channels 0 to " + std::to_string(channels - 1) + ", not " +
-                                     std::to_string(channel));
+    WireValue own_speed(double share) const {
+        return WireValue(std::clamp(std::ceil(share * settings_.speed_us_per_s), 1.0, 20000.0));
+    }
+
+    /// As it reads back, in words for whoever arms.
+    void set_watchdog() {
+        if (const auto problem = order("watchdog " + std::to_string(watchdog_ms)); problem && settings_.need_watchdog)
+            throw std::runtime_error(problem.text + ", asked to set its watchdog; --no-watchdog goes on");
+        if (!settings_.need_watchdog) return;
+        const auto ms = demand("hello").value("watchdog");
+        if (ms != watchdog_ms)
+            throw std::runtime_error("the board's watchdog was set to " + std::to_string(watchdog_ms) +
+                                     " ms and reads back as " + (ms ? std::to_string(*ms) + " ms" : "nothing") +
+                                     "; --no-watchdog goes on");
+    }
+
+    /// Where a channel is, as far as the board knows, once its speed limit was set.
+    WireValue look_at(int channel) {
         const text::Reply about = demand("about " + std::to_string(channel));
+        if (settings_.speed_us_per_s > 0 && about.value("speed") != own_speed(first_move_share))
+            throw std::runtime_error("the board does not keep the speed limit of channel " + std::to_string(channel) +
+                                     ": it reads back as " + std::to_string(about.value("speed").value_or(0)));
         const int measured = about.value("measured").value_or(0), at = about.value("at").value_or(0);
         measures |= measured > 0;
         return WireValue(std::clamp(measured > 0 ? measured : at, 0, 0x7fff));

@@ -1,6 +1,9 @@
 // Servo controllers without hardware: what goes on the wire, and what happens when it breaks.
 
+#include <fstream>
+
 #include "devices/drivers/board.h"
+#include "devices/drivers/maestro.h"
 #include "devices/drivers/maestro_protocol.h"
 #include "devices/drivers/serial_protocol.h"
 #include "tests/support.h"
@@ -187,6 +190,16 @@ TEST(MaestroProtocol, RepliesOfAnotherLengthAreNone) {
     EXPECT_EQ(parse_servo(6, 1, micro)->position, 6000);
     EXPECT_FALSE(parse_servo(6, 6, micro));
     EXPECT_FALSE(parse_servo(18, 0, micro));
+}
+
+TEST(DryMaestros, AFolderThatIsNotThereIsMade) {
+    const testing::ScratchFolder scratch;
+    std::array<WireValue, max_channels> positions{};
+    const auto log = scratch.path / "not" / "there" / "maestro.csv";
+    EXPECT_EQ(maestro::make_dry_link({}, log)->open(positions), "");
+    EXPECT_TRUE(std::filesystem::exists(log));
+    std::ofstream(scratch.path / "file") << "";
+    EXPECT_NE(maestro::make_dry_link({}, scratch.path / "file" / "maestro.csv")->open(positions), "");
 }
 
 }  // namespace

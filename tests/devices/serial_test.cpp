@@ -380,6 +380,36 @@ TEST(SerialBuses, AWatchdogThatHasBittenLatches) {
     EXPECT_EQ(bus.get(4, dynamixel::bus_watchdog), 10);
 }
 
+/// A Maestro that has told its errors has forgotten them: the answer may have been lost.
+TEST(SerialBuses, AWatchdogThatHasBittenLatchesAlthoughTheAnswerThatSaysSoIsLost) {
+    const auto protocol = SerialProtocol::maestro_compact;
+    for (const int home : {0, 6000}) {
+        ServoBusEmulator bus(protocol, {4, 5});
+        bus.home = home;
+        Board board(make_serial_bus(settings_for(protocol, bus, {4, 5})));
+        for (int id : {4, 5}) board.limit(id, {1000, 8000, 1e4});
+        sweep(board, {4, 5}, 10);
+        ASSERT_EQ(board.state(), BoardState::active);
+        bus.errors_unheard = 1;  // nothing has bitten: it is asked again, and goes on
+        sweep(board, {4, 5}, 40);
+        EXPECT_EQ(bus.errors_unheard, 0);
+        EXPECT_EQ(board.state(), BoardState::active) << why(board.status());
+        ASSERT_TRUE(board.drain(5));
+        bus.bites_unheard = true;
+        bus.bite_now = true;
+        ASSERT_TRUE(eventually([&] { return !bus.bite_now && bus.errors_unheard == 0; }));
+        sweep(board, {4, 5}, 50);
+        EXPECT_NE(board.state(), BoardState::active);
+        EXPECT_EQ(bus.goals_after_bite, 0) << "told after its watchdog had bitten";
+        if (home == 0) {
+            EXPECT_EQ(name(board.status().fault), std::string("watchdog")) << why(board.status());
+        } else {
+            EXPECT_NE(why(board.status()).find("not where it was told to be"), std::string::npos)
+                << why(board.status());
+        }
+    }
+}
+
 TEST(SerialBuses, SettingsThatSafetyRestsOnAreReadBack) {
     ServoBusEmulator bus(SerialProtocol::dynamixel, {4});
     bus.forgets_watchdog = true;

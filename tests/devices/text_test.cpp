@@ -355,5 +355,87 @@ TEST(TextBoard, WhatIsNoSuchBoardIsRefused) {
     EXPECT_NE(silent.find("no answer"), std::string::npos) << silent;
 }
 
+/// A board that somebody else programmed: it answers what the test wants.
+class ScriptedBoard {
+  public:
+    std::string port;
+    std::atomic<bool> told{false};  ///< it was armed, or told a target
+    explicit ScriptedBoard(std::map<std::string, std::string> answers) : answers_(std::move(answers)) {
+        char name[256];
+        if (openpty(&master_, &slave_, name, nullptr, nullptr) != 0) throw std::runtime_error("no pty");
+        port = name;
+        thread_ = std::thread([this] {
+            for (std::string in; !stop_;) {
+                char c = 0;
+                timeval wait{0, 5000};
+                fd_set set;
+                FD_ZERO(&set);
+                FD_SET(master_, &set);
+                if (::select(master_ + 1, &set, nullptr, nullptr, &wait) <= 0 || ::read(master_, &c, 1) != 1) continue;
+                if (c != '\n') {
+                    in += c;
+                    continue;
+                }
+                const unsigned number = unsigned(std::atoi(in.c_str()));
+                const std::string words = in.substr(in.find(' ') + 1, in.rfind('*') - in.find(' ') - 1);
+                const std::string verb = words.substr(0, words.find(' '));
+                told = told || verb == "arm" || verb == "set";
+                const auto answer = answers_.find(verb);
+                const std::string line = text::line_of(number, answer == answers_.end() ? "ok" : answer->second);
+                [[maybe_unused]] const auto n = ::write(master_, line.data(), line.size());
+                in.clear();
+            }
+        });
+    }
+    ~ScriptedBoard() {
+        stop_ = true;
+        thread_.join();
+        ::close(master_);
+        ::close(slave_);
+    }
+
+  private:
+    std::map<std::string, std::string> answers_;
+    int master_ = -1, slave_ = -1;
+    std::atomic<bool> stop_{false};
+    std::thread thread_;
+};
+
+TEST(TextBoard, SettingsThatSafetyRestsOnAreReadBack) {
+    const std::string hello = "ok palpate=1 channels=6 watchdog=", about = "ok min=900 max=2100 home=0 at=0 speed=";
+    struct Case {
+        std::map<std::string, std::string> answers;
+        const char* says;  ///< "": it is taken
+        bool without_watchdog;
+    };
+    for (const Case& c : std::vector<Case>{
+             {{{"hello", hello + "200 state=idle"}, {"about", about + "100 measured=0"}}, "", true},
+             {{{"hello", hello + "1000 state=idle"}, {"about", about + "100"}}, "reads back as 1000 ms", true},
+             {{{"hello", hello + "0 state=idle"}, {"about", about + "100"}}, "reads back as 0 ms", true},
+             {{{"hello", hello + "never state=idle"}, {"about", about + "100"}}, "reads back as nothing", true},
+             {{{"hello", "ok palpate=1 channels=6 state=idle"}, {"about", about + "100"}},
+              "reads back as nothing",
+              true},
+             {{{"hello", hello + "200"}, {"watchdog", "err range"}, {"about", about + "100"}}, "refuses: range", true},
+             {{{"hello", hello + "200"}, {"about", about + "20000"}}, "speed limit of channel 0", false},
+             {{{"hello", hello + "200"}, {"about", "ok min=900 max=2100"}}, "speed limit of channel 0", false},
+         }) {
+        ScriptedBoard board(c.answers);
+        for (const bool need : {true, false}) {
+            std::array<WireValue, max_channels> positions{};
+            std::string found = "no answer";
+            for (int k = 0; k < 20 && found.find("no answer") != std::string::npos; ++k)
+                found = make_text_link({board.port, {0, 1}, 600, need, 30})->open(positions);
+            const bool taken = *c.says == '\0' || (!need && c.without_watchdog);
+            EXPECT_EQ(found.empty(), taken) << c.says << ", found: " << found;
+            if (!taken) {
+                EXPECT_NE(found.find(c.says), std::string::npos) << found;
+                EXPECT_EQ(found.find("--no-watchdog") != std::string::npos, c.without_watchdog) << found;
+            }
+        }
+        EXPECT_FALSE(board.told) << "nothing is armed by opening it";
+    }
+}
+
 }  // namespace
 }  // namespace palpate

@@ -37,8 +37,8 @@ class Usb : public ::testing::Test {
 
     static constexpr const char* calibrated = "serial = \"00123456\", calibration = \"cal.toml\"";
 
-    /// `fingers` fingers that press on a table, three channels each.
-    std::string scene(int fingers, double seconds, const std::string& device = calibrated) {
+    /// `fingers` fingers that press on a table, three channels each; `turn_s`: to and fro, so often.
+    std::string scene(int fingers, double seconds, const std::string& device = calibrated, double turn_s = 0) {
         std::ofstream calibration(scratch.path / "cal.toml");
         for (int k = 0; k < 3; ++k)
             calibration << "[[servo]]\nzero_us = 1500\nus_per_rad = 636.62\nmin_us = 992\nmax_us = 2000\n";
@@ -46,11 +46,16 @@ class Usb : public ::testing::Test {
         std::ofstream out(path);
         out << "duration_s = " << seconds << "\ndt_ms = 2\n[solver]\npreset = \"real-time\"\nprecision = \"float\"\n"
             << "[[object]]\nname = \"table\"\nkind = \"plane\"\n";
-        for (int i = 0; i < fingers; ++i)
+        for (int i = 0; i < fingers; ++i) {
             out << "[[finger]]\nname = \"f" << i << "\"\nelements = 100\ndevice = { kind = \"chinello-3rrs\", driver = "
                 << "\"maestro\", " << device << ", channels = [" << 3 * i << ", " << 3 * i + 1 << ", " << 3 * i + 2
                 << "] }\ntrack = [ { t_s = 0, position_mm = [" << 30 * i << ", 0, 9] }, { t_s = " << seconds / 2
-                << ", position_mm = [" << 30 * i << ", 0, 6.5], rotation_deg = [10, 0, 0] } ]\n";
+                << ", position_mm = [" << 30 * i << ", 0, 6.5], rotation_deg = [10, 0, 0] }";
+            for (int k = 1; turn_s > 0 && seconds / 2 + k * turn_s < seconds; ++k)
+                out << ", { t_s = " << seconds / 2 + k * turn_s << ", position_mm = [" << 30 * i
+                    << ", 0, 6.5], rotation_deg = [" << (k % 2 ? -10 : 10) << ", 0, 0] }";
+            out << " ]\n";
+        }
         return path.string();
     }
     std::string run_command(const std::string& file) const {

@@ -17,6 +17,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "devices/drivers/maestro_protocol.h"
 #include "devices/drivers/serial_protocol.h"
 #include "tests/real_time.h"
 
@@ -50,7 +51,10 @@ class ServoBusEmulator {
     std::atomic<bool> stubborn{false};                     ///< operating modes cannot be changed
     std::atomic<bool> forgets_watchdog{false};             ///< watchdogs cannot be set
     std::atomic<bool> bites{false};                        ///< watchdogs bite where they hear nothing
-    std::atomic<bool> bite_now{false};                     ///< once: all watchdogs that are set bite
+    std::atomic<bool> bite_now{false};                     ///< once: all watchdogs that are set bite; a Maestro's, too
+    std::atomic<int> home{0};                              ///< of a Maestro's servos [quarter us]; 0: off
+    std::atomic<bool> bites_unheard{false};                ///< the first answer that tells of a bite is lost
+    std::atomic<int> errors_unheard{0};                    ///< so many answers that tell a Maestro's errors are lost
     std::atomic<int> dead{-1};                             ///< a servo that neither listens nor answers
     std::atomic<int> stuck{-1};                            ///< a servo that does not move
     std::atomic<int> error_of{-1}, error{0}, hardware{0};  ///< a servo, its error byte, its hardware error register
@@ -122,6 +126,12 @@ class ServoBusEmulator {
     }
     void let_watchdogs_bite() {
         const bool now = bite_now.exchange(false);
+        if (now && protocol_ == SerialProtocol::maestro_compact) {
+            error = error | maestro::serial_timeout;
+            errors_unheard = bites_unheard ? 1 : 0;
+            bitten_ = true;
+            for (auto& [channel, goal] : goals_) goal = home;
+        }
         if (!(bites || now) || !wide_) return;
         const double silence = now ? 1e9 : std::chrono::duration<double>(Clock::now() - heard_).count();
         for (auto& [id, memory] : memory_)
@@ -137,12 +147,19 @@ class ServoBusEmulator {
                                  : in[0] == 0x9F && in.size() > 1 ? 3 + 2 * std::size_t(in[1])
                                                                   : 3;
         if (in.size() < need) return false;
+        goals_after_bite += bitten_ && (in[0] == 0x84 || in[0] == 0x9F);
         if (in[0] == 0x84) goals_[in[1]] = in[2] | in[3] << 7;
         if (in[0] == 0x9F)
             for (int k = 0; k < in[1]; ++k)
                 goals_[in[2] + k] = in[std::size_t(3 + 2 * k)] | in[std::size_t(4 + 2 * k)] << 7;
         if (in[0] == 0x90) say({std::uint8_t(goals_[in[1]]), std::uint8_t(goals_[in[1]] >> 8)});
-        if (in[0] == 0xA1) say({std::uint8_t(error), 0});
+        if (in[0] == 0xA1) {
+            const int errors = error.exchange(0);  // to tell them is to forget them
+            if (errors_unheard > 0)
+                --errors_unheard;
+            else
+                say({std::uint8_t(errors), 0});
+        }
         return erase(in, need), true;
     }
     /// Takes one packet off the line, if there is a whole one.
@@ -210,7 +227,7 @@ class ServoBusEmulator {
     }
 
     SerialProtocol protocol_;
-    bool wide_;
+    bool wide_, bitten_ = false;
     int master_ = -1, slave_ = -1;
     std::atomic<bool> stop_{false};
     std::mutex mutex_;
