@@ -372,8 +372,14 @@ int main(int argc, char** argv) {
     }
     for (int s : {SIGINT, SIGTERM}) std::signal(s, stop_child);  // the program ends first, then this
     int status = 0;
-    while (waitpid(child, &status, WNOHANG) == 0) {
+    for (auto turn = Clock::now(); waitpid(child, &status, WNOHANG) == 0;) {
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        const auto took = std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - turn).count();
+        turn += std::chrono::milliseconds(took);
+        if (took > 15) {
+            const std::lock_guard lock(bus.mutex);
+            if (bus.boards[0].told) note(bus.boards[0], palpate::testing::stood_still, int(took));
+        }
         for (Board& b : bus.boards) {
             std::unique_lock lock(bus.mutex);
             if (b.present) {

@@ -21,7 +21,7 @@ struct MaestroModel {
     std::vector<Servo> servos;
     std::map<int, int> parameters;
     std::uint16_t errors = 0;
-    bool sticky = false, deaf = false, fed = false, keeps_speed = true;
+    bool sticky = false, deaf = false, fed = false, told = false, keeps_speed = true;
     std::chrono::steady_clock::time_point last_fed, start = std::chrono::steady_clock::now();
     FILE* log = nullptr;
 };
@@ -76,6 +76,7 @@ inline bool obey(MaestroModel& b, int request, int value, int index) {
     if (request == 0x85 || request == 0x86) b.fed = true, b.last_fed = std::chrono::steady_clock::now();
     if (request == 0x85) {
         if (index >= b.channels || (b.deaf && index == 1)) return false;
+        b.told = true;
         b.servos[std::size_t(index)].target = b.servos[std::size_t(index)].position = std::uint16_t(value);
         return note(b, index, value), true;
     }

@@ -17,6 +17,7 @@ struct WireEvent {
     int board = 0, channel = 0, value = 0;
 };
 inline constexpr int watchdog_bit = -1, unplugged = -2, plugged_in = -3;
+inline constexpr int stood_still = -4;  ///< the emulation did until then, for value [ms]: what was sent came later
 inline constexpr int speed_of_channel_0 = -100;  ///< less one per channel: its speed limit was set [0.25 us / 10 ms]
 
 inline std::vector<WireEvent> read_wire_log(const std::string& file) {
@@ -45,10 +46,14 @@ inline std::string at(const WireEvent& e, const char* what, double found, double
 /// A servo may speed up, or set out backwards, by the acceleration limit; stop, it always may. What is read of its
 /// speed is the fastest of its steps in the last 80 ms, each for as long as it truly took: whoever was held up by a
 /// slow transfer sets out anew. A tenth is forgiven, and two values, for rounding. `since`: what it was told before is
-/// not known, as where its watchdog bit and nobody has noticed yet [s].
-inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRules& r, double since) {
-    constexpr double longest_credit = 0.03, recent = 0.08;
+/// not known, as where its watchdog bit and nobody has noticed yet [s]. `stops`: when the emulation stood still.
+inline std::string too_abrupt(const std::vector<WireEvent>& told, const WireRules& r, double since,
+                              const std::vector<WireEvent>& stops) {
+    constexpr double longest_credit = 0.03;
     for (std::size_t k = 1; k < told.size(); ++k) {
+        double recent = 0.08;
+        for (const WireEvent& stop : stops)
+            if (stop.time > told[k - 1].time && stop.time < told[k].time + 0.005) recent += 1e-3 * stop.value;
         if (told[k].time - since < recent) continue;
         const double step = told[k].value - told[k - 1].value;
         const double time = std::min(longest_credit, told[k].time - told[k - 1].time);
@@ -79,8 +84,11 @@ inline std::string unsafe(const std::vector<WireEvent>& events, const WireRules&
     std::map<int, int> limit;
     std::string wrong;
     double bitten = -HUGE_VAL;
+    std::vector<WireEvent> stops;
+    for (const WireEvent& e : events)
+        if (e.channel == stood_still) stops.push_back(e);
     auto start_anew = [&] {
-        for (const auto& [channel, way] : told) wrong += wire_detail::too_abrupt(way, r, bitten);
+        for (const auto& [channel, way] : told) wrong += wire_detail::too_abrupt(way, r, bitten, stops);
         told.clear();
     };
     for (const WireEvent& e : events) {
@@ -91,7 +99,7 @@ inline std::string unsafe(const std::vector<WireEvent>& events, const WireRules&
             continue;
         }
         if (e.channel < 0) {
-            if (e.channel != plugged_in) start_anew();
+            if (e.channel != plugged_in && e.channel != stood_still) start_anew();
             if (e.channel == watchdog_bit) bitten = e.time;
             continue;
         }
