@@ -12,7 +12,7 @@ namespace {
 
 constexpr int deadly[] = {SIGABRT, SIGSEGV, SIGBUS,  SIGFPE,  SIGILL,    SIGSYS,  SIGTRAP, SIGQUIT,   SIGHUP,
                           SIGXCPU, SIGALRM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGPROF, SIGPOLL, SIGSTKFLT, SIGPWR};
-constexpr double step = 0.02, at_most = 2;  ///< [s]
+constexpr double step = 0.02, long_enough = 2;  ///< [s]
 
 std::array<std::atomic<Board*>, RestOnDeath::at_most> boards{};
 std::atomic<bool> entered{false};
@@ -26,14 +26,16 @@ void pause(double seconds) noexcept {
     while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {}
 }
 
+}  // namespace
+
 extern "C" void rest_then_die(int signal) {
     if (entered.exchange(true)) {
-        pause(at_most);  // another thread died first, and brings them to rest
+        pause(long_enough);  // another thread died first, and brings them to rest
     } else {
         for (auto& b : boards)
             if (Board* board = b) board->seize();
         bool moving = true;
-        for (int k = 0; k < int(at_most / step) && moving; ++k) {
+        for (int k = 0; k < int(long_enough / step) && moving; ++k) {
             pause(step);
             moving = false;
             for (auto& b : boards)
@@ -43,6 +45,8 @@ extern "C" void rest_then_die(int signal) {
     std::signal(signal, SIG_DFL);
     std::raise(signal);  // comes as this handler returns
 }
+
+namespace {
 
 /// A stack that has overflowed has no room for a handler: that of the thread that arms gets another.
 void take_another_stack() {
@@ -82,6 +86,7 @@ RestOnDeath::RestOnDeath(std::shared_ptr<Board> board) : board_(std::move(board)
 RestOnDeath::~RestOnDeath() {
     for (auto& slot : boards)
         if (slot == board_.get()) slot = nullptr;
+    if (entered) pause(2 * long_enough);  // this program is dying, of a signal that still needs the board
 }
 
 }  // namespace palpate

@@ -5,6 +5,9 @@
 
 namespace palpate {
 
+/// What such a signal does: boards go to rest, and the program dies of it. Also a handler for others.
+extern "C" void rest_then_die(int signal);
+
 /// As long as one of these lives, a signal that ends the program moves the board's servos to their rest values first,
 /// within their limits. That takes no memory and no lock: only what a signal handler may do. Signals that have a
 /// handler already are left to it. (Against SIGKILL stands the controller's own watchdog.)

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <map>
 
+#include "devices/drivers/last_resort.h"
+#include "devices/loop/clock.h"
 #include "engine/skin/solve/kernels.h"
 #include "meshes/input_error.h"
 #include "scenes/program/command_table.h"
@@ -14,7 +16,16 @@
 namespace {
 
 std::atomic<bool> stop_requested{false};
-extern "C" void request_stop(int) { stop_requested = true; }
+std::atomic<double> interrupted_at{0};
+constexpr double one_press = 0.05;  ///< Ctrl-C may come twice for one, to a program and to its group [s]
+
+/// The first asks for an orderly end. A second Ctrl-C waits for nothing but thimbles to be at rest.
+extern "C" void request_stop(int signal) {
+    stop_requested = true;
+    if (signal != SIGINT) return;
+    const double now = palpate::device_clock(), before = interrupted_at.exchange(now);
+    if (before > 0 && now - before > one_press) palpate::rest_then_die(signal);
+}
 
 template <class Kernels>
 int widest(const Kernels& kernels) {

@@ -212,11 +212,19 @@ TEST_F(Usb, FromAnotherAddressNobodyReArmsUnlessThatWasAskedFor) {
     }
 }
 
+/// A slow way to rest, which an orderly end would wait for, and then write its results.
 TEST_F(Usb, ASecondCtrlCEndsAtOnceAfterTheRestPose) {
-    const Outcome o = emulate(logged(), meanwhile(run_command(scene(2, 30)), "kill -INT $p; sleep 0.1; kill -INT $p"));
-    EXPECT_NE(o.code, 0) << o.out;
-    expect_safe(events());
-    expect_at_rest(log(), 6);
+    for (const bool twice : {false, true}) {
+        const Outcome o =
+            emulate(logged(), meanwhile(run_command(scene(2, 30)) + " --set thimbles.velocity_rad_per_s=0.5",
+                                        twice ? "kill -INT $p; sleep 0.1; kill -INT $p" : "kill -INT $p $p"));
+        EXPECT_EQ(o.code, 130) << o.out;
+        EXPECT_EQ(o.out.find("stopped early") == std::string::npos, twice) << o.out;
+        EXPECT_EQ(std::filesystem::exists(scratch.path / "results" / "summary.json"), !twice);
+        std::filesystem::remove_all(scratch.path / "results");
+        expect_safe(events());
+        expect_at_rest(log(), 6);
+    }
 }
 
 TEST_F(Usb, HoweverTheProgramDiesThimblesAreAtRest) {
