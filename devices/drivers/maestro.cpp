@@ -31,6 +31,7 @@ using usb::transfer;
 constexpr int stuck_at_most = 20;
 
 const LinkProblem held_up{"transfers to the Maestro were held up", false, FaultKind::silent};
+const LinkProblem bitten{"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
 const LinkProblem another_length{"the Maestro answered with a reply of another length", false, FaultKind::bad_reply};
 
 int parameter(const Handle& handle, int which, int bytes) {
@@ -140,6 +141,8 @@ class MaestroLink final : public BoardLink {
         close();
         if (stuck_ >= stuck_at_most)
             throw std::runtime_error("USB does not give transfers to the Maestro back: start this program again");
+        homes_.clear();
+        told_.fill(no_pulse);
         context_ = std::make_unique<Context>();  // a fresh one: an old one may not see a board that came back
         auto [info, handle] = open_board(*context_, settings_.serial);
         handle_ = std::move(handle);
@@ -176,8 +179,11 @@ class MaestroLink final : public BoardLink {
     }
 
     LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
-        return send_all(
+        const LinkProblem problem = send_all(
             targets.size(), [&](std::size_t i) { return set_target(targets[i].channel, targets[i].value); }, transfers);
+        for (std::size_t i = 0; i < targets.size(); ++i)
+            told_[std::size_t(targets[i].channel)] = transfers[i].arrived > 0 ? targets[i].value : no_pulse;
+        return problem;
     }
 
     LinkProblem recall(std::span<const int> channels, std::span<WireValue> held) override {
@@ -197,10 +203,10 @@ class MaestroLink final : public BoardLink {
         const auto variables = parse_variables(channels_, reply());
         if (!variables) return another_length;
         // Errors were cleared as it was opened: this one came since.
-        if (variables->errors & serial_timeout)
-            return {"the Maestro's watchdog has bitten: its servos went home", true, FaultKind::watchdog};
+        if (variables->errors & serial_timeout) return bitten;
         if (device_clock() - began > ask_first_after) return held_up;
         if (const auto p = send(clear_errors())) return p;
+        if (const auto p = look_for_bite()) return p;
         const std::string errors = describe_errors(variables->errors);
         if (errors.empty()) return {};
         return {"the Maestro reports errors: " + errors, false, FaultKind::reported};
@@ -253,6 +259,7 @@ class MaestroLink final : public BoardLink {
         return units <= 255 ? std::uint8_t(std::max(0.0, units)) : std::uint8_t(0);
     }
     void check_watchdog(const std::string& serial);
+    LinkProblem look_for_bite();
     void set_limits();
     void check_limits(int channel, const ServoSetting& found) const;
     template <class RequestOf>
@@ -275,22 +282,38 @@ class MaestroLink final : public BoardLink {
     Handle handle_;
     DeviceLock lock_;
     int channels_ = 0;
-    int stuck_ = 0;  ///< contexts that were left behind
+    std::map<int, int> homes_;                    ///< where a watchdog that bites leaves servos; 0: off
+    std::array<WireValue, max_channels> told_{};  ///< what surely arrived; no_pulse: nothing, or nobody knows
+    int stuck_ = 0;                               ///< contexts that were left behind
     /// On the heap, so that what USB never gives back may outlive the link.
     std::unique_ptr<std::array<Pending, max_channels>> pending_ = std::make_unique<std::array<Pending, max_channels>>();
 };
 
 void MaestroLink::check_watchdog(const std::string& serial) {
     if (!settings_.need_watchdog) return;
-    std::map<int, int> homes;
     for (const auto& [channel, limits] : settings_.limits)
-        if (channel < channels_) homes[channel] = parameter(handle_, home_parameter(channel), 2);
+        if (channel < channels_) homes_[channel] = parameter(handle_, home_parameter(channel), 2);
     const int watchdog = 10 * parameter(handle_, serial_timeout_parameter, 2);
-    const std::string problem = watchdog_problem(watchdog, homes);
+    const std::string problem = watchdog_problem(watchdog, homes_);
     if (!problem.empty())
         throw std::runtime_error("the Maestro " + serial + ": " + problem +
                                  " if this program were killed; `palpate doctor SCENE --mend` mends it, "
                                  "--no-watchdog goes on without");
+}
+
+/// A watchdog that bit after errors were read, and before they were cleared, has left no word, but servos at home.
+LinkProblem MaestroLink::look_for_bite() {
+    if (std::all_of(told_.begin(), told_.end(), [](WireValue v) { return v == no_pulse; })) return {};
+    if (const auto p = send(channels_ == 6 ? get_variables(6) : get_servo_settings(channels_))) return p;
+    for (int c = 0; c < channels_; ++c) {
+        const WireValue told = told_[std::size_t(c)];
+        const auto servo = parse_servo(channels_, c, reply());
+        if (!servo) return another_length;
+        if (told == no_pulse || servo->target == told) continue;
+        const auto home = homes_.find(c);
+        if (servo->target == no_pulse || (home != homes_.end() && servo->target == home->second)) return bitten;
+    }
+    return {};
 }
 
 /// For the first move, and for those after it.

@@ -262,7 +262,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
             EXPECT_SAYS(o, "last problem");
         }
     }
-    for (const std::string fault : {"sticky@150", "deaf@150", "bite@150", "unread@150"}) {
+    for (const std::string fault : {"sticky@150", "deaf@150", "bite@150", "unread@150", "race@150"}) {
         const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.5)));
         EXPECT_EQ(o.code, 0) << fault << o.out;
         expect_safe(events());

@@ -7,11 +7,12 @@
 //
 // KIND: stall, timeout, partial (timeout with half the data), mute (obeyed, but nothing says so), short, long, errors
 // (once), sticky (an error from then on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), unread
-// (it has, and who asks for errors is refused once), hang (never given back), unplug. With --bites 1 the watchdog bites
-// by itself, where the board hears nothing. --at N [quarter us]: what servos were told before. --prompt 1: boards are
-// served before other work. --keeps-speed 0: speed limits are taken, and read back as none. --slow-ms: so long each
-// target takes. --another 1: what is plugged in again is another board. Boards come and go with udev's events. The log
-// is what wire_log.h reads. Exits as the command does.
+// (it has, and who asks for errors is refused once), race (it bites after errors were told, and before they are
+// cleared), hang (never given back), unplug. With --bites 1 the watchdog bites by itself, where the board hears
+// nothing. --at N [quarter us]: what servos were told before. --prompt 1: boards are served before other work.
+// --keeps-speed 0: speed limits are taken, and read back as none. --slow-ms: so long each target takes. --another 1:
+// what is plugged in again is another board. Boards come and go with udev's events. The log is what wire_log.h reads.
+// Exits as the command does.
 
 #include <linux/ioctl.h>
 #include <linux/usbdevice_fs.h>
@@ -62,6 +63,7 @@ struct Bus;
 struct Board : palpate::testing::MaestroModel {
     Bus* bus = nullptr;
     bool present = true, listed = false, unread = false;  ///< on the bus; known to the system; refuses once
+    bool race = false;                                    ///< bites as errors are cleared
     int plugged = 0;                                      ///< how often
     Clock::time_point gone;
     std::deque<Urb> finished, waiting;
@@ -179,6 +181,8 @@ int submit(Board& b, Urb urb) {
     if (kind == "deaf") b.deaf = true;
     if (kind == "bite" || kind == "unread") bite(b);
     b.unread |= kind == "unread";
+    b.race |= kind == "race";
+    if (b.race && request == 0x86) b.race = false, bite(b);
     if (b.unread && type == 0xC0 && request == 0x83) return b.unread = false, finish(b, urb, -EPIPE, 0), 0;
     std::vector<std::uint8_t> reply;
     if (!answer(b, type, request, value, index, reply)) return finish(b, urb, -EPIPE, 0), 0;
