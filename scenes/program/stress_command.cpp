@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "scenes/program/commands.h"
 #include "scenes/program/progress.h"
@@ -13,23 +14,67 @@ namespace palpate {
 
 namespace {
 
-int try_random(RandomTrials trials, const std::atomic<bool>& stop) {
+int try_random(RandomTrials trials, bool json, const std::atomic<bool>& stop) {
     std::filesystem::create_directories(trials.folder);
     int tried = 0, failed = 0;
+    nlohmann::json broken = nlohmann::json::array();
     Progress progress("stress");
     try_random_scenes(trials, stop, [&](const RandomTrial& t) {
         progress.show(double(++tried) / trials.count);
         if (t.violations.empty()) return;
-        progress.clear();
         ++failed;
+        for (const Violation& v : t.violations)
+            broken.push_back({{"seed", t.seed}, {"law", v.law}, {"found", v.found}, {"file", t.file.string()}});
+        if (json) return;
+        progress.clear();
         for (const Violation& v : t.violations)
             std::printf("seed %u: %s: %s\n", t.seed, v.law.c_str(), v.found.c_str());
         std::printf("         %s\n", t.file.c_str());
         std::fflush(stdout);
     });
     progress.clear();
-    std::printf("%d random scenes, %d broke a law (seeds %d to %d)\n", tried, failed, trials.first_seed,
-                trials.first_seed + std::max(tried, 1) - 1);
+    if (json)
+        std::printf(
+            "%s\n",
+            nlohmann::json{
+                {"scenes", tried}, {"broke_a_law", failed}, {"first_seed", trials.first_seed}, {"violations", broken}}
+                .dump(2)
+                .c_str());
+    else
+        std::printf("%d random scenes, %d broke a law (seeds %d to %d)\n", tried, failed, trials.first_seed,
+                    trials.first_seed + std::max(tried, 1) - 1);
+    return stop ? 130 : failed ? 1 : 0;
+}
+
+int try_cases(const std::vector<std::string>& only, bool brief, bool json, const std::atomic<bool>& stop) {
+    std::vector<const StressCase*> wanted;
+    for (const StressCase& s : stress_cases())
+        if (only.empty() || std::find(only.begin(), only.end(), s.name) != only.end()) wanted.push_back(&s);
+    int failed = 0;
+    nlohmann::json all = nlohmann::json::array();
+    Progress progress("stress");
+    for (const StressCase* s : wanted) {
+        if (stop) break;
+        const auto start = std::chrono::steady_clock::now();
+        const StressOutcome o = s->run(brief ? 1 : 10, stop);
+        const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        failed += !o.passed;
+        all.push_back({{"case", s->name},
+                       {"passed", o.passed},
+                       {"extreme", s->extreme},
+                       {"criterion", s->criterion},
+                       {"found", o.found},
+                       {"seconds", seconds}});
+        if (!json) {
+            progress.clear();
+            std::printf("%-4s %-6s %s\n            asked: %s\n            found: %s (%.1f s)\n", s->name.c_str(),
+                        o.passed ? "pass" : "FAIL", s->extreme.c_str(), s->criterion.c_str(), o.found.c_str(), seconds);
+            std::fflush(stdout);
+        }
+        if (s != wanted.back()) progress.show(double(all.size()) / double(wanted.size()));
+    }
+    progress.clear();
+    if (json) std::printf("%s\n", all.dump(2).c_str());
     return stop ? 130 : failed ? 1 : 0;
 }
 
@@ -52,23 +97,12 @@ Action add_stress_command(const Command& program, const std::atomic<bool>& stop)
     c.option("--seed", random->first_seed, "seed of the first random scene; the others follow");
     c.option("--out", *folder, "folder of random scenes that break a law (default: results/random)");
     c.flag("--no-shrink", *as_found, "leave them as they are instead of making them small");
-    return [brief, only, random, folder, as_found, &stop] {
+    auto json = std::make_shared<bool>(false);
+    c.flag("--json", *json, "print what came of it as JSON");
+    return [brief, only, random, folder, as_found, json, &stop] {
         random->folder = *folder;
         random->shrink = !*as_found;
-        if (random->count > 0) return try_random(*random, stop);
-        int failed = 0;
-        for (const StressCase& s : stress_cases()) {
-            if (stop) break;
-            if (!only->empty() && std::find(only->begin(), only->end(), s.name) == only->end()) continue;
-            const auto start = std::chrono::steady_clock::now();
-            const StressOutcome o = s.run(*brief ? 1 : 10, stop);
-            const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-            std::printf("%-4s %-6s %s\n            asked: %s\n            found: %s (%.1f s)\n", s.name.c_str(),
-                        o.passed ? "pass" : "FAIL", s.extreme.c_str(), s.criterion.c_str(), o.found.c_str(), seconds);
-            std::fflush(stdout);
-            failed += !o.passed;
-        }
-        return stop ? 130 : failed ? 1 : 0;
+        return random->count > 0 ? try_random(*random, *json, stop) : try_cases(*only, *brief, *json, stop);
     };
 }
 

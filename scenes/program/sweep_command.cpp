@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 
@@ -27,7 +28,7 @@ struct SweepArguments {
     std::vector<std::string> overrides, axes;
     double reference_dt_ms = 0;
     int threads = 0;
-    bool quiet = false;
+    bool quiet = false, json = false;
 };
 
 const char* const columns =
@@ -176,6 +177,38 @@ void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan,
         if (p.failed && failed++ < 20) std::printf("%s", wrapped("failed: " + settings_text(plan, p)).c_str());
 }
 
+nlohmann::json json_of(const SweepErrors& e) {
+    return {{"field", e.field}, {"net", e.net}, {"area", e.area}, {"platform_mm", e.platform_mm}};
+}
+
+/// All points held against one reference, with what they were set to; what is not finite is null.
+nlohmann::json json_of(const std::vector<SweepPoint>& points, const SweepPlan& plan, SweepReference kind,
+                       const ReferenceRun& r) {
+    nlohmann::json rows = nlohmann::json::array();
+    for (const SweepPoint& p : points) {
+        nlohmann::json settings = nlohmann::json::object();
+        for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
+            if (!p.values[i].empty()) settings[plan.keys[i]] = p.values[i];
+        rows.push_back({{"settings", settings},
+                        {"errors", json_of(p.errors)},
+                        {"seconds_per_second", p.seconds_per_second},
+                        {"step_median_us", p.median_us},
+                        {"step_p99_us", p.p99_us},
+                        {"dt_ms", p.dt_ms},
+                        {"limit_violation", p.limit_violation},
+                        {"penetration_um", p.penetration_um},
+                        {"converged", p.converged},
+                        {"resets", p.resets},
+                        {"failed", p.failed},
+                        {"on_pareto_front", on_front(p, points)}});
+    }
+    return {{"reference", kind == SweepReference::mesh ? "mesh" : "step"},
+            {"fields_compared", r.comparison == FieldComparison::grid ? "on a grid of 3 mm" : "sample by sample"},
+            {"uncertainty", json_of(r.uncertainty)},
+            {"doubt", doubt(r)},
+            {"points", rows}};
+}
+
 std::vector<std::string> overrides_of(const SweepArguments& a, const SweepPlan& plan,
                                       const std::vector<std::string>& values) {
     std::vector<std::string> all = a.overrides;
@@ -296,14 +329,21 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     out.close();
     write_file(file, rows);
     std::vector<Plot> plots;
+    nlohmann::json all = nlohmann::json::array();
     for (const auto& [kind, of_kind] : points) {
         const ReferenceRun& reference = references.at(kind);
         plots.push_back(work_precision(of_kind, plan, reference, false));
         if (kind == SweepReference::step) plots.push_back(work_precision(of_kind, plan, reference, true));
-        if (!a.quiet) print_results(of_kind, plan, reference);
+        if (a.json)
+            all.push_back(json_of(of_kind, plan, kind, reference));
+        else if (!a.quiet)
+            print_results(of_kind, plan, reference);
     }
     write_svg(folder / "sweep.svg", plots);
-    if (!a.quiet) std::printf("\nwritten to %s (sweep.csv, sweep.svg)\n", folder.string().c_str());
+    if (a.json)
+        std::printf("%s\n", all.dump(2).c_str());
+    else if (!a.quiet)
+        std::printf("\nwritten to %s (sweep.csv, sweep.svg)\n", folder.string().c_str());
     return 0;
 }
 
@@ -324,6 +364,7 @@ Action add_sweep_command(const Command& program, const std::atomic<bool>& stop) 
         .range(1e-3, 200.0);
     c.option("--threads", a->threads, "threads (default: all cores)").range(1, 1024);
     c.flag("--quiet", a->quiet, "print nothing but errors");
+    c.flag("--json", a->json, "print every point and its reference as JSON");
     return [a, &stop] { return sweep_scene(*a, stop); };
 }
 

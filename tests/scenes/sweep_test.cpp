@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "meshes/input_error.h"
@@ -197,6 +198,23 @@ TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     EXPECT_EQ(o.code, 0) << o.out;
     text = text_of(scratch.path / "sweep.csv");
     EXPECT_TRUE(text.starts_with(first));
+    // As JSON all of it, whichever columns a terminal has room for.
+    o = palpate_program(command + " --quiet --json");
+    EXPECT_EQ(o.code, 0) << o.out;
+    const auto all = nlohmann::json::parse(o.out);
+    ASSERT_EQ(all.size(), 1u) << o.out;
+    EXPECT_EQ(all[0]["reference"], "step");
+    EXPECT_TRUE(all[0]["uncertainty"]["net"].is_number());
+    ASSERT_EQ(all[0]["points"].size(), 2u);
+    for (std::size_t k = 0; k < 2; ++k) {
+        const auto& point = all[0]["points"][k];
+        EXPECT_EQ(point["settings"]["dt_ms"], "10");
+        EXPECT_EQ(point["settings"]["solver.newton_iterations"], k == 0 ? "1" : "6");
+        EXPECT_NEAR(point["errors"]["field"].get<double>(), errors[k], 1e-6 * errors[k]);
+        EXPECT_GT(point["step_p99_us"].get<double>(), 0);
+        EXPECT_FALSE(point["failed"].get<bool>());
+    }
+    EXPECT_TRUE(all[0]["points"][1]["on_pareto_front"].get<bool>());  // nothing is closer
     EXPECT_EQ(palpate_program("sweep " + scenes + "hand.toml --axes dt_ms").code, 2);
     EXPECT_EQ(palpate_program("sweep " + scenes + "hand.toml --axes dt_ms=-1").code, 2);
 }
@@ -263,6 +281,25 @@ TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
                                           folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
     }
+}
+
+TEST(Stress, SaysAsJsonWhatCameOfIt) {
+    Outcome o = palpate_program("stress --short --case S2,S3 --json");
+    EXPECT_EQ(o.code, 0) << o.out;
+    const auto cases = nlohmann::json::parse(o.out);
+    ASSERT_EQ(cases.size(), 2u) << o.out;
+    EXPECT_EQ(cases[1]["case"], "S3");
+    EXPECT_TRUE(cases[1]["passed"].get<bool>());
+    for (const char* key : {"extreme", "criterion", "found"}) EXPECT_NE(cases[0][key], "") << key;
+    EXPECT_GE(cases[0]["seconds"].get<double>(), 0);
+    const ScratchFolder folder;
+    o = palpate_program("stress --random 2 --seed 1 --no-shrink --json --out " + folder.path.string());
+    EXPECT_EQ(o.code, 0) << o.out;
+    const auto random = nlohmann::json::parse(o.out);
+    EXPECT_EQ(random["scenes"], 2);
+    EXPECT_EQ(random["broke_a_law"], 0);
+    EXPECT_EQ(random["first_seed"], 1);
+    EXPECT_TRUE(random["violations"].is_array() && random["violations"].empty());
 }
 
 TEST(Stress, TheShortCasesPass) {
