@@ -369,6 +369,65 @@ void draw_things(Random& r, RandomScene& s, int fingers, double dt) {
     }
 }
 
+/// Something of tissue that stands with its middle at z = 0, its top at `top`: soft or firm, in limits or not, with a
+/// nodule or not, held at its bottom.
+Block any_tissue(Random& r, const std::string& name, double width, double y, double dt, double& top) {
+    Block b{"[[object]]", "name = \"" + name + "\""};
+    const std::string kind = r.one_of({"box", "box", "sphere", "cylinder", "capsule"});
+    const double radius = r.between(9, 13), length = r.between(8, 16), x = r.between(-2, 2);
+    top = 0.5 * length;
+    if (kind == "box") {
+        b.push_back(line("kind = \"box\"\nsize_mm = [%.2f, %.2f, %.2f]", r.between(24, 40), width, length));
+    } else if (kind == "sphere") {
+        top = radius;
+        b.push_back(line("kind = \"sphere\"\nradius_mm = %.2f", radius));
+    } else {
+        if (kind == "capsule") top += radius;
+        b.push_back(line("kind = \"%s\"\nradius_mm = %.2f\nlength_mm = %.2f", kind.c_str(), radius, length));
+    }
+    std::string soft = line("soft = { young_kPa = %.2f, poisson = %.3f, elements = %d, fixed = \"bottom\"",
+                            r.log_between(2, 100), r.between(0.2, 0.49), r.integer(150, 500));
+    if (kind != "box") soft += line(", fixed_mm = %.2f", r.between(0.2, 0.6) * top);
+    if (r.chance(0.4)) soft += line(", limits = { low = %.2f, high = %.2f }", r.between(0.5, 0.8), r.between(1.2, 1.6));
+    if (kind == "box" && r.chance(0.3))
+        soft += line(", nodule = [ { centre_mm = [0, 0, 0], radius_mm = %.2f, young_kPa = %.2f } ]",
+                     r.between(0.2, 0.35) * length, r.log_between(2, 300));
+    b.push_back(soft + " }");
+    if (r.chance(0.2)) {
+        b.emplace_back("track = [");
+        b.push_back(keyframe(0, x, y, 0, 0, 0));
+        b.push_back(
+            keyframe(dt * r.integer(20, 60), x + r.between(-4, 4), y + r.between(-3, 3), r.between(-1, 1), 0, 0));
+        b.emplace_back("]");
+    } else {
+        b.push_back(line("position_mm = [%.3f, %.3f, 0]", x, y));
+    }
+    if (r.chance(0.6)) b.push_back(line("friction = %.3f", r.between(0.1, 1.2)));
+    return b;
+}
+
+/// Fingers on tissue, each on its own or all on one; sometimes a body lies on it.
+void draw_tissue(Random& r, RandomScene& s, int fingers, int elements, double dt) {
+    const bool common = fingers > 1 && r.chance(0.3);
+    double top = 0;
+    for (int i = 0; i < fingers; ++i) {
+        const double y = 26.0 * (i - 0.5 * (fingers - 1));
+        if (!common)
+            s.blocks.push_back(any_tissue(r, line("tissue %d", i), 24, y, dt, top));
+        else if (i == 0)
+            s.blocks.push_back(any_tissue(r, "tissue", 26.0 * fingers + 4, 0, dt, top));
+        Block b = finger(r, line("finger %d", i), elements);
+        add_press(r, b, r.between(-2, 2), y, top, dt);
+        s.blocks.push_back(b);
+    }
+    if (!common && r.chance(0.25)) {
+        const Solid solid = random_solid(r, 6, 10);
+        Block b = object("body", solid.keys, -8, 26.0 * (0.5 * (fingers - 1)), top + 1 + 0.5 * solid.height);
+        b.push_back(line("mass_g = %.3f", r.log_between(1, 20)));
+        s.blocks.push_back(b);
+    }
+}
+
 }  // namespace
 
 RandomScene random_scene_fingers(bool other) {
@@ -410,11 +469,13 @@ RandomScene random_scene(unsigned seed) {
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
     const int size = random_scene_elements[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
-    // Every tenth is of fingers alone, every tenth of other fingers and things.
+    // Every tenth is of fingers alone, every tenth of other fingers and things, every twentieth of tissue.
     if (seed % 10 == 9)
         draw_pinch(r, s, fingers, size, dt);
     else if (has_other_fingers(seed))
         draw_things(r, s, std::min(fingers, 3), dt);
+    else if (seed % 20 == 12)
+        draw_tissue(r, s, std::min(fingers, 2), size, dt);
     else if (kind < 0.4)
         draw_press(r, s, fingers, size, dt);
     else if (kind < 0.65)
