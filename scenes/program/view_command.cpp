@@ -318,7 +318,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
             "from other machines, put this one's address in place of 127.0.0.1; the token lets in whoever has it\n");
     std::fflush(stdout);
     std::vector<std::uint8_t> frame;
-    double longest_us = 0;
+    SinceFrame since;
     auto due = Clock::now(), next_frame = due;
     while (!stop) {
         for (const ViewCommand& command : server.take_commands())
@@ -331,19 +331,18 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
         if (!(live.paused || (live.stream && live.stream->paused())) || single) {
             if (!live.hands && s.world.time >= s.scene.duration - 0.5 * s.world.solver.dt) live.start();
             live.advance_live();
-            longest_us = std::max(longest_us, 1e6 * live.simulation->world.profile.total());
+            note_step(since, *live.simulation);
             live.single_steps = single ? live.single_steps - 1 : 0;
         }
         const auto now = Clock::now();
         if (now >= next_frame || single) {
             frame.clear();
-            append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), *live.drawn_hands,
-                         longest_us);
+            append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), *live.drawn_hands, since);
             live.tell_faults();
             live.tell_silence();
             live.tell_pace();
             server.publish(frame);
-            longest_us = 0;
+            since = {};
             next_frame = now + std::chrono::milliseconds(33);
         }
         due += std::chrono::duration_cast<Clock::duration>(

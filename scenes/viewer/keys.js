@@ -50,14 +50,6 @@ function stagePicture() {
   g.drawImage(drawn, 0, 0);
   const from = by('stage').getBoundingClientRect(), scale = drawn.width / from.width;
   g.scale(scale, scale);
-  for (const line of name_lines.querySelectorAll('line')) {
-    if (name_lines.style.display || line.style.display) continue;
-    g.strokeStyle = line.getAttribute('stroke');
-    g.beginPath();
-    g.moveTo(Number(line.getAttribute('x1')), Number(line.getAttribute('y1')));
-    g.lineTo(Number(line.getAttribute('x2')), Number(line.getAttribute('y2')));
-    g.stroke();
-  }
   g.textBaseline = 'top';
   for (const element of by('stage').querySelectorAll('.tag, .pad b, .pad span, .pad em, .pad canvas, #legend div, #legend span, #legend canvas')) {
     const box = element.getBoundingClientRect(), look = getComputedStyle(element);

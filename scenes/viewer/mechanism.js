@@ -49,20 +49,28 @@ function partsOf(thimble) {
   for (let k = 0; k < 3; ++k) parts.push({ spoke: 2 * Math.PI * k / 3, part: 'ring', radius: 0.3 });
   return parts;
 }
-/** All mechanisms: of each its rim and show(t, bone's matrix), which moves it to a thimble of a frame. */
+/** The platforms' edges, all in one drawing. */
+const thimble_rims = (() => {
+  const { radius } = stage.thimbles[0] || { radius: 0.01 };
+  const mesh = new THREE.InstancedMesh(new THREE.TorusBufferGeometry(1, 8e-4 / radius, 5, 24), mechanism_colours.ring.clone(),
+    Math.max(1, stage.thimbles.length));
+  mesh.frustumCulled = false;
+  return mesh;
+})();
+/** All mechanisms: of each show(t, bone's matrix), which moves it to a thimble of a frame. */
 const thimble_bars = {}, mechanisms = (() => {
   const all = stage.thimbles.map(partsOf), used = {};
   for (const part of Object.keys(mechanism_colours))
     thimble_bars[part] = barsOf(mechanism_colours[part].clone(), all.flat().filter(one => one.part === part).length);
   return stage.thimbles.map((thimble, i) => {
-    const rim = rimOf(thimble, 0.8), radius = 1e3 * thimble.radius, a = new THREE.Vector3(), b = new THREE.Vector3();
+    const radius = 1e3 * thimble.radius, disk = new THREE.Object3D(), rim = new THREE.Matrix4(), size = new THREE.Vector3(radius, radius, radius), a = new THREE.Vector3(), b = new THREE.Vector3();
     const parts = all[i].map(part => ({ ...part, number: used[part.part] = (used[part.part] ?? -1) + 1 }));
-    rim.matrixAutoUpdate = false;
     function show(t, bone) {
-      const at = (to, line, k) => to.fromArray(t.links[line], 3 * k), disk = new THREE.Object3D();
+      const at = (to, line, k) => to.fromArray(t.links[line], 3 * k);
       place(disk, t.pose);
       disk.updateMatrix();
-      rim.matrix.multiplyMatrices(bone, disk.matrix);
+      thimble_rims.setMatrixAt(i, rim.multiplyMatrices(bone, disk.matrix).scale(size));
+      thimble_rims.instanceMatrix.needsUpdate = true;
       for (const { line, k, part, number, radius: thick, drum, spoke } of parts) {
         if (spoke !== undefined) a.setFromMatrixPosition(disk.matrix), b.set(radius * Math.cos(spoke), radius * Math.sin(spoke), 0).applyMatrix4(disk.matrix);
         else at(a, line, k), at(b, line, k + 1);
@@ -75,6 +83,6 @@ const thimble_bars = {}, mechanisms = (() => {
         thimble_bars[part].lay(number, a.applyMatrix4(bone), b.applyMatrix4(bone), thick);
       }
     }
-    return { rim, show };
+    return { show };
   });
 })();

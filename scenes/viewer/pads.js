@@ -71,9 +71,6 @@ function centreOfPressure(f, samples) {
   return sum < 1e-3 ? null : centre.map(x => x / sum);
 }
 
-/** "R thumb" for "right thumb" where there is little room. */
-function shortName(name, width) { return width < 84 ? name.replace(/^(left|right) /, side => side[0].toUpperCase() + ' ') : name; }
-
 /** Brings a cell to what a frame has. */
 function showCell(cell, frame) {
   const { most } = pad_scales[cell.finger], end = `${most} kPa`;
@@ -135,7 +132,7 @@ function drawPads(layout, width, frame, all, part) {
     last_layout = now;
     for (const cell of [...pads, ...felt_pads]) cell.label.hidden = !layout.cells.includes(cell);
     layout.cells.forEach((cell, k) => {
-      if (cell.kind === 'pad') cell.name.textContent = shortName(stage.fingers[cell.finger].name, side);
+      if (cell.kind === 'pad') cell.name.textContent = side < 84 ? sideInShort(stage.fingers[cell.finger].name) : stage.fingers[cell.finger].name;
       const [x, y] = here(k);
       cell.label.classList.toggle('narrow', side < 84);
       Object.assign(cell.label.style, { left: x - 2.5 + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 5 + 'px', height: (row - side - 6) + 'px' });

@@ -15,6 +15,8 @@ const plots = [
   { id: 'joints', title: 'joint angles [°]', curves: joint_curves, of: (f, c) => f.thimbles[c.thimble].q[c.joint] * 180 / Math.PI },
   { id: 'residual', title: 'matching residual [mm]', curves: thimble_curves, of: (f, c) => 1e3 * f.thimbles[c.thimble].rms,
     shown: true },
+  { id: 'converged', title: 'steps converged [%]', curves: finger_curves,
+    of: (f, c) => f.steps > 0 ? 100 * f.fingers[c.finger].converged / f.steps : 100 },
   { id: 'step', title: 'longest step [µs] (line: the time step)', curves: [{ name: 'step', colour: '#868e96' }],
     of: f => f.step_us, line: 1e6 * stage.dt, shown: true },
 ].filter(plot => plot.curves.length > 0);
@@ -58,43 +60,57 @@ function itemsOf(plot, w, h) {
   const lines = [{ at: [...across(high), ...across(low).reverse(), across(high)[0]], colour: 'border' }];
   if (low < 0) lines.push({ at: across(0), colour: 'border' });
   if (plot.line <= high) lines.push({ at: across(plot.line), colour: '#c62828', dashed: true });
-  const time = frames[now].time;
-  if (time >= t0 - 1e-9 && time <= t1 + 1e-9) lines.push({ at: up(time), colour: 'ink' });
+  const time = frames[now].time, cursor = time >= t0 - 1e-9 && time <= t1 + 1e-9 ? { at: up(time), colour: 'ink' } : null;
   const texts = [{ text: plot.title, x: left, y: 12, colour: 'ink', align: 'start' },
     { text: short(low), x: left - 4, y: y(low) + 4, colour: 'soft', align: 'end' },
     { text: t0.toFixed(2), x: left, y: h - 3, colour: 'soft', align: 'start' },
     { text: t1.toFixed(2) + ' s', x: w - right, y: h - 3, colour: 'soft', align: 'end' }];
   if (high > 1e-6) texts.push({ text: short(high), x: left - 4, y: y(high) + 4, colour: 'soft', align: 'end' });
   const curves = plot.curves.map(c => ({ name: c.name, colour: c.colour, at: inside.map(i => [frames[i].time, c.values[i]]) }));
-  return { lines, texts, curves, x, y, sx, sy };
+  return { lines, texts, curves, cursor, x, y, sx, sy };
 }
 
+const plot_colours = { ink: '--ink', soft: '--soft', border: '--line' };
+for (const name of Object.keys(plot_colours)) plot_colours[name] = getComputedStyle(document.body).getPropertyValue(plot_colours[name]);
+function strokeLine(g, { at, colour, dashed }) {
+  g.strokeStyle = plot_colours[colour] || colour;
+  g.setLineDash(dashed ? [4, 3] : []);
+  g.beginPath();
+  at.forEach(([x, y], i) => i ? g.lineTo(x, y) : g.moveTo(x, y));
+  g.stroke();
+}
+/** All of a plot but what moves with the time and the pointer, on a canvas of its own. */
+function drawCurves(g, items) {
+  g.font = '11px system-ui, sans-serif';
+  for (const line of items.lines) strokeLine(g, line);
+  for (const curve of items.curves) strokeLine(g, { at: curve.at.map(([t, v]) => [items.x(t), items.y(v)]), colour: curve.colour });
+  for (const text of items.texts) {
+    g.fillStyle = plot_colours[text.colour];
+    g.textAlign = text.align;
+    g.fillText(text.text, text.x, text.y);
+  }
+}
+/** Draws those that are shown: their curves anew only where these have changed. */
 function drawPlots() {
   if (frames.length === 0) return;
-  const style = getComputedStyle(document.body);
-  const colours = { ink: style.getPropertyValue('--ink'), soft: style.getPropertyValue('--soft'), border: style.getPropertyValue('--line') };
   for (const plot of plots) {
     plot.canvas.hidden = !plot.shown;
     if (!plot.shown) continue;
-    const c = plot.canvas, ratio = window.devicePixelRatio || 1, w = c.clientWidth, h = c.clientHeight;
-    c.width = w * ratio, c.height = h * ratio;
-    const g = c.getContext('2d'), items = itemsOf(plot, w, h);
-    g.scale(ratio, ratio);
-    g.font = '11px system-ui, sans-serif';
-    const stroke = (points, colour, dashed) => {
-      g.strokeStyle = colours[colour] || colour;
-      g.setLineDash(dashed ? [4, 3] : []);
-      g.beginPath();
-      points.forEach(([x, y], i) => i ? g.lineTo(x, y) : g.moveTo(x, y));
-      g.stroke();
-    };
-    for (const line of items.lines) stroke(line.at, line.colour, line.dashed);
-    for (const curve of items.curves) stroke(curve.at.map(([t, v]) => [items.x(t), items.y(v)]), curve.colour);
-    for (const text of items.texts) {
-      g.fillStyle = colours[text.colour];
-      g.textAlign = text.align;
-      g.fillText(text.text, text.x, text.y);
+    const c = plot.canvas, ratio = window.devicePixelRatio || 1, w = c.clientWidth, h = c.clientHeight, g = c.getContext('2d');
+    const drawn = [w, h, ratio, ...timeSpan(), frames.length].join(), [t0, t1] = timeSpan(), time = frames[now].time;
+    if (drawn !== plot.drawn) {
+      c.width = plot.still.width = w * ratio, c.height = plot.still.height = h * ratio;
+      const still = plot.still.getContext('2d');
+      still.scale(ratio, ratio);
+      drawCurves(still, itemsOf(plot, w, h));
+      plot.drawn = drawn;
     }
+    g.setTransform(1, 0, 0, 1, 0, 0);
+    g.clearRect(0, 0, c.width, c.height);
+    g.drawImage(plot.still, 0, 0);
+    g.scale(ratio, ratio);
+    const at = left + (w - left - right) * (time - t0) / (t1 - t0);
+    if (time >= t0 - 1e-9 && time <= t1 + 1e-9) strokeLine(g, { at: [[at, top_edge], [at, h - bottom]], colour: 'ink' });
     if (plot.marked) {
       g.fillStyle = 'rgba(110, 168, 254, 0.3)';
       g.fillRect(plot.marked[0], top_edge, plot.marked[1] - plot.marked[0], h - top_edge - bottom);
@@ -139,6 +155,7 @@ for (const plot of plots) {
   label.append(plot.box, plot.title.replace(/ [[(].*/, ''));
   by('quantities').append(label);
   plot.canvas = document.createElement('canvas');
+  plot.still = document.createElement('canvas');
   plot.canvas.className = 'plot';
   plot.canvas.setAttribute('role', 'img');
   plot.canvas.setAttribute('aria-label', plot.title + ' over time');

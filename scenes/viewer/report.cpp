@@ -39,13 +39,13 @@ void replace(std::string& page, const std::string& mark, std::string_view text) 
 }  // namespace
 
 void ReportRecorder::record(const Simulation& s) {
-    longest_us_ = std::max(longest_us_, 1e6 * s.world.profile.total());
+    note_step(since_, s);
     if (s.world.time + 1e-9 < next_) return;
     if (!rendered_pads_) rendered_pads_ = std::make_unique<RenderedPads>(s);
     if (!hands_) hands_ = std::make_unique<DrawnHands>(s);
-    append_frame(frames_, s, rendered_pads_->solve(s), *hands_, longest_us_);
+    append_frame(frames_, s, rendered_pads_->solve(s), *hands_, since_);
     ++count_;
-    longest_us_ = 0;
+    since_ = {};
     next_ = s.world.time + 1 / rate_;
 }
 
@@ -71,9 +71,12 @@ std::string page_with(const nlohmann::json& data) {
 }
 
 std::string ReportRecorder::page(const Simulation& s, const Summary& summary, const PictureScales& scales) const {
-    char about[200];
-    std::snprintf(about, sizeof about, "%.3g s in steps of %.3g ms, %d frames shown (at most %.0f per second)",
-                  s.world.time, 1e3 * s.world.solver.dt, count_, rate_);
+    double converged = 0;
+    for (const FingerSummary& f : summary.fingers) converged += f.converged_share / double(summary.fingers.size());
+    char about[240];
+    std::snprintf(about, sizeof about,
+                  "%.3g s in steps of %.3g ms, %.1f %% of them converged; %d frames shown (at most %.0f per second)",
+                  s.world.time, 1e3 * s.world.solver.dt, 100 * converged, count_, rate_);
     nlohmann::json stage = stage_of(s);
     if (scales.most > 0) set_scales(stage, scales);
     return page_with({{"stage", stage},

@@ -21,7 +21,8 @@ class ReportRecorder {
                const PictureScales& scales = {}) const;
 
   private:
-    double rate_, next_ = 0, longest_us_ = 0;
+    double rate_, next_ = 0;
+    SinceFrame since_;
     std::vector<std::uint8_t> frames_;
     std::unique_ptr<RenderedPads> rendered_pads_;
     std::unique_ptr<DrawnHands> hands_;

@@ -37,6 +37,7 @@ scene.add(...arrows.meshes);
 
 const fingers = stage.fingers.map(finger => {
   const skin = skinOf(finger);
+  skin.group.remove(skin.mesh);  // its coat is drawn instead
   scene.add(skin.group);
   const shape = new THREE.BufferGeometry();
   shape.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6 * finger.samples.length), 3));
@@ -45,6 +46,9 @@ const fingers = stage.fingers.map(finger => {
   scene.add(lines);
   return { ...skin, lines };
 });
+
+const coat = coatOf(fingers);
+scene.add(coat.mesh);
 
 const objects = stage.objects.map((object, k) => {
   const group = objectOf(object, k);
@@ -59,8 +63,8 @@ const hands = stage.hands.map(hand => {
   return drawn;
 });
 for (const { mesh } of Object.values(thimble_bars)) scene.add(mesh);
+scene.add(thimble_rims);
 const thimbles = stage.thimbles.map((thimble, k) => {
-  scene.add(mechanisms[k].rim);
   // Samples that touch: the object and the platform, the object alone, the platform alone.
   const dots = new THREE.BufferGeometry(), count = stage.fingers[thimble.finger].samples.length;
   dots.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
@@ -74,7 +78,7 @@ const thimbles = stage.thimbles.map((thimble, k) => {
 const touchColours = [[0, 0, 0], [0.85, 0.45, 0.05], [0.12, 0.44, 0.92], [0.1, 0.55, 0.2]];
 
 // What stands on the floor, in its shadow.
-for (const { mesh } of fingers) casts(mesh);
+casts(coat.mesh);
 for (const { mesh } of hands) casts(mesh);
 stage.objects.forEach((object, k) => { if (object.kind !== 'plane') casts(objects[k].children[0]); });
 for (const { mesh } of Object.values(thimble_bars)) casts(mesh);

@@ -72,7 +72,7 @@ function normalsOf(position, triangles) {
 /** Coloured by the attribute `value` and the uniforms most and limited: where that is 1, what lies beyond twice the scale is
     at a limit, and blue. */
 function skinMaterial() {
-  const material = new THREE.MeshLambertMaterial({ side: THREE.DoubleSide });
+  const material = new THREE.MeshLambertMaterial();
   material.scale = { most: { value: 1 }, limited: { value: 0 } };
   material.onBeforeCompile = shader => {
     Object.assign(shader.uniforms, material.scale, { ramp: { value: skin_colours.map(c => new THREE.Vector3(...c.map(x => x / 255))) } });
@@ -88,7 +88,8 @@ function skinMaterial() {
   return material;
 }
 
-/** Skin of a finger; show(position [mm], value(node)) moves and colours it, as finely as is asked for then. */
+/** Skin of a finger: move(position [mm]) puts it there in its bone's frame, as finely as is asked for then; show(position,
+    value(node)) also colours its own mesh. */
 function skinOf(finger) {
   const { triangles } = finger, nodes = new Float32Array(finger.rest.length / 3), surfaces = {};
   let surface = null;
@@ -123,13 +124,48 @@ function skinOf(finger) {
   edges.visible = edges.frustumCulled = false;
   const group = new THREE.Group();
   group.add(coat.mesh, edges);
-  function show(position, value) {
-    surface = surfaces[detail.rows] || (surfaces[detail.rows] = surfaceOf(triangles, detail.rows));
+  const surfaceAt = rows => surfaces[rows] || (surfaces[rows] = surfaceOf(triangles, rows));
+  function move(position) {
+    surface = surfaceAt(detail.rows);
     surface.move(position, normalsOf(position, triangles));
-    coat.paint(value);
     if (!edges.visible) return;
     lines.attributes.position.array.set(position);
     lines.attributes.position.needsUpdate = true;
   }
-  return { group, edges, show, twin, mesh: coat.mesh, scale: coat.scale };
+  return { group, edges, move, show: (position, value) => { move(position); coat.paint(value); }, twin, surfaceAt, nodes, mesh: coat.mesh, scale: coat.scale };
+}
+
+/** The skins of all fingers in one drawing, in the world: put(k, bone's matrix, value(node)) takes one from where move() has
+    put it. */
+function coatOf(skins) {
+  const material = skinMaterial(), mesh = new THREE.Mesh(new THREE.BufferGeometry(), material), shapes = {};
+  mesh.frustumCulled = false;
+  function shapeAt(rows) {
+    const surfaces = skins.map(skin => skin.surfaceAt(rows)), first = [], index = [], geometry = new THREE.BufferGeometry();
+    let count = 0;
+    for (const surface of surfaces) {
+      first.push(count);
+      for (const i of surface.index.array) index.push(count + i);
+      count += surface.count;
+    }
+    geometry.setIndex(index);
+    for (const [name, size] of [['position', 3], ['normal', 3], ['value', 1]])
+      geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(size * count), size));
+    return { surfaces, first, geometry };
+  }
+  function put(k, { elements: m }, value) {
+    const { surfaces, first, geometry } = shapes[detail.rows] || (shapes[detail.rows] = shapeAt(detail.rows));
+    const { count, position: { array: x }, normal: { array: n }, mix } = surfaces[k], { position, normal, value: shown } = geometry.attributes;
+    for (let i = 0, to = 3 * first[k]; i < 3 * count; i += 3, to += 3)
+      for (let d = 0; d < 3; ++d) {
+        position.array[to + d] = m[d] * x[i] + m[d + 4] * x[i + 1] + m[d + 8] * x[i + 2] + m[d + 12];
+        normal.array[to + d] = m[d] * n[i] + m[d + 4] * n[i + 1] + m[d + 8] * n[i + 2];
+      }
+    const { nodes } = skins[k];
+    for (let i = 0; i < nodes.length; ++i) nodes[i] = value(i);
+    mix(nodes, shown.array.subarray(first[k], first[k] + count));
+    position.needsUpdate = normal.needsUpdate = shown.needsUpdate = true;
+    mesh.geometry = geometry;
+  }
+  return { mesh, scale: material.scale, put };
 }

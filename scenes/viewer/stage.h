@@ -19,17 +19,27 @@ nlohmann::json stage_of(const Simulation& simulation);
 /// Lets the page's scales end where those of pictures do.
 void set_scales(nlohmann::json& stage, const PictureScales& scales);
 
-/// Appends the state now, little-endian, in the stage's order: time f32; longest step since the last frame f32 [us];
-/// per finger: bone pose 7 f32, contact force and area f32, units of pressure [Pa] and force [N] f32, then per skin
-/// node x, y, z i16 [2 um, bone frame], pressure u16 [its unit], largest departure of a principal stretch from 1 u8
+/// What has happened since the last frame.
+struct SinceFrame {
+    double longest_us = 0;  ///< step [us]
+    int steps = 0;
+    std::vector<int> converged;  ///< [finger] steps whose solve converged
+};
+/// Call after every step.
+void note_step(SinceFrame& since, const Simulation& simulation);
+
+/// Appends the state now, little-endian, in the stage's order: time f32; since the last frame its longest step f32 [us]
+/// and number of steps f32; per finger: bone pose 7 f32, contact force and area f32, units of pressure [Pa] and force
+/// [N] f32, converged steps since the last frame f32, then per skin node x, y, z i16 [2 um, bone frame], pressure u16
+/// [its unit], largest departure of a principal stretch from 1 u8
 /// [%], 1 where an element is at a strain limit u8; per sample contact force 3 i16 [its unit]; number of points of
-/// where contact ends u16, and those, in pairs, i16 [2 um, bone frame]; per object: pose 7 f32, of one of tissue the
-/// unit of pressure f32 and per skin node x, y, z f32 (the pose's frame) and pressure u16; per thimble: platform pose 7
-/// f32 (finger frame), joint angles f32, matching residual f32 [m], contact u32, points of its links i16 [10 um, finger
-/// frame]; of the pad on its platform: force f32 [N], unit of pressure f32, per skin node x, y, z i16 [2 um, bone
-/// frame] and pressure u16, per sample u8: 1 where it touches the object, plus 2 where it touches the platform; then
-/// what DrawnHands appends.
+/// where contact ends u16, and those, in pairs, i16 [2 um, bone frame]; per object: pose 7 f32,
+/// of one of tissue the unit of pressure f32 and per skin node x, y, z f32 (the pose's frame) and pressure u16; per
+/// thimble: platform pose 7 f32 (finger frame), joint angles f32, matching residual f32 [m], contact u32, points of its
+/// links i16 [10 um, finger frame]; of the pad on its platform: force f32 [N], unit of pressure f32, per skin node x,
+/// y, z i16 [2 um, bone frame] and pressure u16, per sample u8: 1 where it touches the object, plus 2 where it touches
+/// the platform; then what DrawnHands appends.
 void append_frame(std::vector<std::uint8_t>& out, const Simulation& simulation,
-                  const std::vector<RenderedPad>& rendered_pads, DrawnHands& hands, double longest_step_us);
+                  const std::vector<RenderedPad>& rendered_pads, DrawnHands& hands, const SinceFrame& since);
 
 }  // namespace palpate

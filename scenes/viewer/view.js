@@ -24,7 +24,7 @@ function draw(fineness = 1) {
   const as = [width, all_height, ratio, rows.height, rows.cells.length].join(), all = detail.level === 0 || as !== drawn_as;
   drawn_as = as;
   ++detail.turn;
-  if (floors.length > 0 && (all || isTurn(0))) castShadow(renderer, scene, middleOf(frames[now], -1));
+  if (floors.length > 0 && (all || detail.turn % (3 * detail.turns) === 0)) castShadow(renderer, scene, middleOf(frames[now], -1));
   renderer.setScissorTest(false);
   if (all) renderer.setClearColor(air), renderer.clear();
   renderer.setScissorTest(true);
@@ -39,6 +39,7 @@ function draw(fineness = 1) {
   showContacts(contacts, camera);
   part(0, rows.height, width, height, scene, camera);
   if (all || detail.turn % Math.min(3, detail.turns) === 0) showNames(frames[now], width, height);
+  name_lines.draw(width, height, (what, from) => part(0, rows.height, width, height, what, from));
   if (frames.length > 0) drawPads(rows, width, frames[now], all, part);
 }
 
@@ -53,8 +54,11 @@ function addFrame(frame) {
     frames.shift();
     for (const plot of plots) plot.curves.forEach(curve => curve.values.shift());
   }
+  const before = frames[frames.length - 1];
+  frame.steps_so_far = frame.steps + (before ? before.steps_so_far : 0);
   frames.push(frame);
   frame.fingers.forEach((f, k) => {
+    f.converged_so_far = f.converged + (before ? before.fingers[k].converged_so_far : 0);
     const rest = stage.fingers[k].rest;
     for (const q of Object.values(quantities)) {
       let peak = 0;
@@ -72,13 +76,14 @@ function addFrame(frame) {
 }
 
 function showFinger(k, f) {
-  const { group, edges, lines, show: move, scale } = fingers[k], q = quantities[by('colour').value];
+  const { group, edges, lines, move } = fingers[k], q = quantities[by('colour').value];
   const { rest, samples } = stage.fingers[k], stretch = q === quantities.stretch;
   place(group, f.bone);
   edges.visible = by('mesh').checked;
-  scale.most.value = q.most, scale.limited.value = Number(stretch);
-  move(f.position, i => stretch && f.limited[i] ? 3 * q.most : q.of(f, i, rest));  // beyond twice the scale: at a limit
+  coat.scale.most.value = q.most, coat.scale.limited.value = Number(stretch);
   group.updateMatrixWorld();
+  move(f.position);
+  coat.put(k, group.matrixWorld, i => stretch && f.limited[i] ? 3 * q.most : q.of(f, i, rest));  // beyond twice the scale: at a limit
   // Forces: their sum, which ends at the centre of pressure; of one finger looked at alone, each sample's.
   const centre = centreOfPressure(f, samples), sum = new THREE.Vector3(), x = new THREE.Vector3();
   for (let i = 0; i < f.forces.length; i += 3) sum.add(x.fromArray(f.forces, i));
@@ -138,9 +143,9 @@ function show(index) {
   });
   frame.thimbles.forEach((t, k) => {
     thimbles[k].show(t, fingers[stage.thimbles[k].finger].group.matrixWorld);
-    thimbles[k].rim.visible = by('platforms').checked;
     showTouches(k, frame, t);
   });
+  thimble_rims.visible = by('platforms').checked && thimbles.length > 0;
   for (const { mesh, fit } of Object.values(thimble_bars)) mesh.visible = by('platforms').checked, fit();
   for (const mesh of arrows.meshes) mesh.visible = by('arrows').checked;
   document.body.dataset.time = frame.time.toFixed(6);  // for tests
@@ -166,9 +171,11 @@ function skinNear(object, frame) {
 }
 
 function showNumbers(frame) {
-  by('fingers').innerHTML = '<tr><th></th><th>force N</th><th>area mm²</th><th>peak kPa</th></tr>' +
+  by('fingers').innerHTML = '<tr><th></th><th>force N</th><th>area mm²</th><th>peak kPa</th>' +
+    '<th title="share of the steps so far whose solve converged">converged %</th></tr>' +
     frame.fingers.map((f, k) => `<tr><td style="color:${palette[k % palette.length]}">${inHtml(stage.fingers[k].name)}</td><td>` +
-      `${f.force.toFixed(3)}</td><td>${(1e6 * f.area).toFixed(1)}</td><td>${Math.max(...f.pressure).toFixed(1)}</td></tr>`)
+      `${f.force.toFixed(3)}</td><td>${(1e6 * f.area).toFixed(1)}</td><td>${Math.max(...f.pressure).toFixed(1)}</td><td>${
+        frame.steps_so_far > 0 ? (100 * f.converged_so_far / frame.steps_so_far).toFixed(1) : ''}</td></tr>`)
       .join('');
   by('thimbles').innerHTML = frame.thimbles.map((t, k) => {
     const { joint_min: low, joint_max: high, finger } = stage.thimbles[k];
@@ -426,7 +433,7 @@ function probe() {
     return inside && clear && fits;
   });
   const programs = renderer.info.programs.filter(program => program.diagnostics && !program.diagnostics.runnable);
-  Object.assign(document.body.dataset, { colours: seen.size, red, names: whole.filter(label => label.className === 'tag').map(label => label.textContent).join('|'),
+  Object.assign(document.body.dataset, { colours: seen.size, red, names: whole.filter(label => label.className === 'tag').map(label => label.dataset.finger).join('|'),
     pads: whole.filter(label => label.className !== 'tag').map(label => label.textContent).join('|'),
     across: document.documentElement.scrollWidth - window.innerWidth });
   if (programs.length > 0) document.body.dataset.error = 'a shader does not compile';

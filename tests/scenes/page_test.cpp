@@ -73,6 +73,20 @@ TEST(Page, ValuesUnderThePointerAreThoseOfTheTables) {
         page.click(box.x + 44 + 0.5 * (box.width - 52), box.y + 60);
         EXPECT_NEAR(page.run("frames[now].time").get<double>(), 0.4, 0.03) << q.plot;
     }
+    // As many of the steps so far have converged as the tables say.
+    page.press("End", "End");
+    const nlohmann::json so_far =
+        page.run("[frames[now].time, frames[now].steps_so_far, ...frames[now].fingers.map(f => f.converged_so_far)]");
+    for (std::size_t k = 0; k < fingers.size(); ++k) {
+        int steps = 0, converged = 0;
+        for (const auto& [ms, value] : testing::column_by_ms(report.out + "/" + fingers[k] + ".csv", "converged"))
+            if (ms <= std::lround(1e3 * so_far[0].get<double>())) ++steps, converged += value > 0;
+        EXPECT_EQ(so_far[1], steps);
+        EXPECT_EQ(so_far[2 + k], converged) << fingers[k];
+        char shown[32];
+        std::snprintf(shown, sizeof shown, "%.1f", 100.0 * converged / steps);
+        EXPECT_EQ(page.run("by('fingers').rows[" + std::to_string(k + 1) + "].cells[4].textContent"), shown);
+    }
     const Box box = box_of(page, "plots[0].canvas");
     page.call("Input.dispatchMouseEvent",
               {{"type", "mouseWheel"}, {"x", box.x + 150}, {"y", box.y + 60}, {"deltaX", 0}, {"deltaY", -100}});

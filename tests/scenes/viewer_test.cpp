@@ -51,7 +51,11 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     RenderedPads pads(s);
     const std::vector<RenderedPad>& felt = pads.solve(s);
     DrawnHands hands(s);
-    append_frame(frame, s, felt, hands, 123);
+    SinceFrame since;
+    for (int k = 0; k < 3; ++k) note_step(since, s);
+    EXPECT_EQ(since.converged, std::vector<int>{skin_status(s.world, s.fingers[0]).converged ? 3 : 0});
+    since.longest_us = 123, since.converged = {2};
+    append_frame(frame, s, felt, hands, since);
     const auto& finger = stage["fingers"][0];
     const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();
     const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
@@ -59,7 +63,7 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     ASSERT_EQ(stage["hands"].size(), 1u);
     const std::size_t outline = contact_outline(s.world.contact_surfaces[0]).size();
     EXPECT_GT(outline, 10u);
-    EXPECT_EQ(frame.size(), 8 + 44 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * stage["objects"].size() + 28 +
+    EXPECT_EQ(frame.size(), 12 + 48 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * stage["objects"].size() + 28 +
                                 4 * joints + 8 + 6 * (4 + 4 + 3 * 3) +  // two frames, three legs
                                 8 + 8 * nodes + samples +               // the pad on the platform
                                 hand_bytes);
@@ -75,17 +79,19 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     EXPECT_LE(either - both, 4);
     EXPECT_NEAR(float_at(frame, 0), s.world.time, 1e-6);
     EXPECT_EQ(float_at(frame, 4), 123);
+    EXPECT_EQ(float_at(frame, 8), 3);  // steps, of which converged:
+    EXPECT_EQ(float_at(frame, 56), 2);
     const Pose<double> bone = bone_pose(s.world, s.fingers[0]);
-    EXPECT_NEAR(float_at(frame, 16), bone.position.z, 1e-8);
-    EXPECT_NEAR(float_at(frame, 36), s.world.contact_surfaces[0].normal_force, 1e-6);
+    EXPECT_NEAR(float_at(frame, 20), bone.position.z, 1e-8);
+    EXPECT_NEAR(float_at(frame, 40), s.world.contact_surfaces[0].normal_force, 1e-6);
     double pressure = 0;
     for (std::size_t i = 0; i < nodes; ++i) {
         std::int16_t x[3];
         std::uint16_t p;
-        std::memcpy(x, &frame[52 + 10 * i], 6);
-        std::memcpy(&p, &frame[52 + 10 * i + 6], 2);
+        std::memcpy(x, &frame[60 + 10 * i], 6);
+        std::memcpy(&p, &frame[60 + 10 * i + 6], 2);
         for (int d = 0; d < 3; ++d) EXPECT_NEAR(2e-6 * x[d], finger["rest"][3 * i + d].get<double>(), 4e-3);
-        pressure = std::max(pressure, 1e-3 * float_at(frame, 44) * p);
+        pressure = std::max(pressure, 1e-3 * float_at(frame, 48) * p);
     }
     const std::vector<double> felt_pressure = node_pressures(s.world, s.fingers[0]);
     const double peak = 1e-3 * *std::max_element(felt_pressure.begin(), felt_pressure.end());
