@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "scenes/studies/random/random_trials.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -281,6 +282,20 @@ TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
                                           folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
     }
+}
+
+/// A scene that takes nine seconds of a core is said to have no end within one.
+TEST(Stress, WhatTakesTooMuchProcessorTimeIsAFinding) {
+    const ScratchFolder folder;
+    RandomTrials trials;
+    trials.first_seed = 3018, trials.count = 1, trials.shrink = false, trials.time_limit = 1,
+    trials.folder = folder.path;
+    const std::atomic<bool> stop = false;
+    try_random_scenes(trials, stop, [](const RandomTrial& t) {
+        ASSERT_EQ(t.violations.size(), 1u);
+        EXPECT_EQ(t.violations[0].law, "every step ends");
+        EXPECT_EQ(t.violations[0].found, "no end within 1 s of processor time");
+    });
 }
 
 TEST(Stress, SaysAsJsonWhatCameOfIt) {

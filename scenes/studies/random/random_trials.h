@@ -19,7 +19,7 @@ struct RandomTrials {
     int first_seed = 1;
     int count = 100;
     bool shrink = true;
-    double time_limit = 120;             ///< of one scene [s]
+    double time_limit = 120;             ///< of one scene: processor time [s]
     std::filesystem::path folder = ".";  ///< of scenes that break a law: random-SEED.toml
 };
 
