@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/contact/shape.h"
 #include "scenes/picture/rest_hand.h"
 
 namespace palpate {
@@ -104,17 +105,64 @@ double usual_bend(const Last& last) {
     return std::clamp(0.6 * std::asin(std::clamp(-last.axes(2, 0), -1.0, 1.0)) - 8 * degree, -15 * degree, 35 * degree);
 }
 
-/// The bend with which a finger's root comes nearest to where the palm has it.
-double best_bend(const Last& last, const RestFinger& f, const Isometry3d& palm, const Vector3d& root) {
-    constexpr int tries = 26;
-    constexpr double least = -15 * degree, step = 5 * degree;
+/// Bends that are tried.
+constexpr int tries = 26;
+constexpr double least_bend = -15 * degree, bend_step = 5 * degree;
+using BendCosts = std::array<double, tries>;
+
+/// How deep a bone with its skin would lie in objects: sum of squares along it [m^2]. Objects that give way are as they
+/// were at rest.
+double depth_of(const World& world, const Vector3d& a, const Vector3d& b) {
+    constexpr double radius = 0.0085;  // of these bones with their skin [m]
+    constexpr int places = 5;
+    double cost = 0;
+    for (int i = 1; i <= places; ++i) {
+        const Vector3d x = a + double(i) / places * (b - a);
+        for (const RigidShape& o : world.shapes) {
+            const double off = surface_point(o.shape, o.pose, Vec3<double>{x.x(), x.y(), x.z()}).distance;
+            if (off < radius) cost += (radius - off) * (radius - off);
+        }
+    }
+    return cost;
+}
+
+/// Of each bend, how deep the two bones before the last would lie.
+BendCosts depths(const World& world, const Last& last, const RestFinger& f) {
+    BendCosts cost{};
+    for (int k = 0; k < tries; ++k) {
+        const Natural n = natural(last, f, least_bend + k * bend_step);
+        cost[std::size_t(k)] = depth_of(world, last.joint, n.middle) + depth_of(world, n.middle, n.root);
+    }
+    return cost;
+}
+
+/// The middle joint as middle_joint() has it, where that lies in objects on the side of its finger's back and of bones
+/// as much longer as lets them go around.
+Vector3d middle_joint_outside(const World& world, const Vector3d& root, const Last& last, const RestFinger& f,
+                              const Vector3d& hint) {
+    Vector3d best = Vector3d::Zero();
+    double least = HUGE_VAL;
+    for (const Vector3d& side : {hint, Vector3d(0.5 * (root + last.joint) + 0.02 * last.axes.col(2))})
+        for (double longer = 1; longer < 1.6; longer += 0.06) {
+            const Vector3d middle = middle_joint(root, last.joint, longer * f.length[0], longer * f.length[1], side);
+            const double cost = depth_of(world, last.joint, middle) + depth_of(world, middle, root) +
+                                1e-4 * (longer - 1) * (longer - 1);
+            if (cost < least) least = cost, best = middle;
+        }
+    return best;
+}
+
+/// The bend with which a finger's root comes nearest to where the palm has it, and bones stay out of objects.
+double best_bend(const Last& last, const RestFinger& f, const Isometry3d& palm, const Vector3d& root,
+                 const BendCosts& depth) {
+    constexpr double least = least_bend, step = bend_step;
     const double usual = usual_bend(last);
-    std::array<double, tries> cost{};
+    BendCosts cost{};
     for (int k = 0; k < tries; ++k) {
         const double bend = least + k * step;
         const Natural n = natural(last, f, bend);
         cost[std::size_t(k)] = (n.root - palm * root).squaredNorm() + 1e-4 * (bend - usual) * (bend - usual) +
-                               2e-4 * (n.palm_along - palm.linear().col(0)).squaredNorm();
+                               2 * depth[std::size_t(k)] + 2e-4 * (n.palm_along - palm.linear().col(0)).squaredNorm();
     }
     const auto best = std::size_t(std::min_element(cost.begin(), cost.end()) - cost.begin());
     if (best == 0 || best == tries - 1) return least + double(best) * step;
@@ -127,12 +175,13 @@ Vector3d mirrored(Vector3d x, bool left) { return left ? Vector3d(x.x(), -x.y(),
 }  // namespace
 
 const std::array<RestFinger, 5>& rest_fingers() {
+    const auto towards = [](double x, double y, double z) { return Vector3d(x, y, z).normalized(); };
     static const std::array<RestFinger, 5> fingers{{
-        {{0.024, 0.024, -0.010}, Vector3d(0.74, 0.62, -0.26).normalized(), {0.045, 0.033, 0.027}},
-        {{0.090, 0.025, 0.001}, Vector3d(1, 0.10, 0).normalized(), {0.044, 0.025, 0.022}},
-        {{0.093, 0.004, 0.003}, Vector3d(1, 0.01, 0).normalized(), {0.049, 0.029, 0.023}},
-        {{0.087, -0.016, 0.001}, Vector3d(1, -0.08, 0).normalized(), {0.045, 0.028, 0.023}},
-        {{0.077, -0.034, -0.003}, Vector3d(1, -0.18, 0).normalized(), {0.035, 0.020, 0.021}},
+        {{0.024, 0.024, -0.010}, towards(0.74, 0.62, -0.26), towards(0.74, 0.62, -0.26), {0.045, 0.033, 0.027}},
+        {{0.090, 0.025, 0.001}, towards(1, 0.24, 0), towards(1, 0.10, 0), {0.044, 0.025, 0.022}},
+        {{0.093, 0.004, 0.003}, towards(1, 0.04, 0), towards(1, 0.01, 0), {0.049, 0.029, 0.023}},
+        {{0.087, -0.016, 0.001}, towards(1, -0.16, 0), towards(1, -0.08, 0), {0.045, 0.028, 0.023}},
+        {{0.077, -0.034, -0.003}, towards(1, -0.38, 0), towards(1, -0.18, 0), {0.035, 0.020, 0.021}},
     }};
     return fingers;
 }
@@ -181,6 +230,7 @@ HandPoser::HandPoser(const Simulation& s, const HandParts& parts) : parts_(parts
 const HandBones& HandPoser::pose(const Simulation& s) {
     const auto& rest = rest_fingers();
     std::array<Last, 5> last;
+    std::array<BendCosts, 5> depth{};
     for (std::size_t k = 0; k < 5; ++k) {
         if (parts_.finger[k] < 0) continue;
         const Pose<double> bone = bone_pose(s.world, s.fingers[std::size_t(parts_.finger[k])]);
@@ -189,6 +239,7 @@ const HandBones& HandPoser::pose(const Simulation& s) {
         last[k].axes = q.normalized().toRotationMatrix();
         last[k].joint = at + cut_[k] * last[k].axes.col(0);
         last[k].tip = at;
+        depth[k] = depths(s.world, last[k], rest[k]);
     }
     if (!posed_)
         for (std::size_t k = 0; k < 5; ++k)
@@ -212,8 +263,9 @@ const HandBones& HandPoser::pose(const Simulation& s) {
         palm_ = fit.solve();
         for (int k = 0; k < 5; ++k)
             if (parts_.finger[std::size_t(k)] >= 0)
-                bend_[std::size_t(k)] = best_bend(last[std::size_t(k)], rest[std::size_t(k)], palm_,
-                                                  mirrored(rest[std::size_t(k)].root, parts_.left));
+                bend_[std::size_t(k)] =
+                    best_bend(last[std::size_t(k)], rest[std::size_t(k)], palm_,
+                              mirrored(rest[std::size_t(k)].root, parts_.left), depth[std::size_t(k)]);
     }
     posed_ = true;
     double mean_bend = 0, count = 0;
@@ -229,8 +281,8 @@ const HandBones& HandPoser::pose(const Simulation& s) {
         if (parts_.finger[std::size_t(k)] >= 0) {
             const Last& l = last[std::size_t(k)];
             const Vector3d z = l.axes.col(2);
-            joint[1] = middle_joint(root, l.joint, f.length[0], f.length[1],
-                                    natural(l, f, std::max(bend_[std::size_t(k)], 10 * degree)).middle);
+            joint[1] = middle_joint_outside(s.world, root, l, f,
+                                            natural(l, f, std::max(bend_[std::size_t(k)], 10 * degree)).middle);
             joint[2] = l.joint;
             joint[3] = l.joint + f.length[2] * l.axes.col(0);
             dorsal = {z, z, z};
@@ -239,7 +291,7 @@ const HandBones& HandPoser::pose(const Simulation& s) {
             // One that is not simulated stays a little straighter than its neighbours.
             const Vector3d y = palm_.linear().col(1);
             const double wants = k == 0 ? 12 * degree : std::max(0.0, mean_bend - 12 * degree);
-            Vector3d along = palm_.linear() * mirrored(f.along, parts_.left);
+            const Vector3d along = palm_.linear() * mirrored(f.at_ease, parts_.left);
             double turn = k == 0 ? 0 : mean_bend > 15 * degree ? 10 * degree : -14 * degree;
             for (std::size_t b = 0; b < 3; ++b) {
                 turn += b == 0 ? 0 : b == 1 ? wants : 0.6 * wants;

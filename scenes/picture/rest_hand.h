@@ -6,9 +6,10 @@
 
 namespace palpate {
 
-/// Where a finger's first bone begins in the palm, its direction, and the lengths of its bones [m].
+/// Where a finger's first bone begins in the palm, its direction, and the lengths of its bones [m]. At rest fingers are
+/// spread, so that there is air between their skins; at ease they lie side by side.
 struct RestFinger {
-    Eigen::Vector3d root, along;
+    Eigen::Vector3d root, along, at_ease;
     std::array<double, 3> length;
 };
 /// Thumb (metacarpal, proximal, distal), index, ..., little finger (proximal, middle, distal).

@@ -227,6 +227,21 @@ void Painter::write_names(const Simulation& s, Image& image, int top, int height
     for (const Tag& tag : tags) names_.push_back({tag.box.x, tag.box.y, tag.box.width, tag.box.height});
 }
 
+std::vector<std::string> fitting_names(std::vector<std::string> names, int width) {
+    const auto fit = [&] {
+        return std::all_of(names.begin(), names.end(), [&](const std::string& n) { return text_width(n) <= width; });
+    };
+    if (fit()) return names;
+    for (std::string& name : names)
+        for (const auto& [whole, part] : {std::pair{"right ", "R "}, {"left ", "L "}})
+            if (name.starts_with(whole)) name = part + name.substr(std::strlen(whole));
+    if (fit()) return names;
+    std::size_t letters = 1;
+    while (text_width(std::string(letters + 1, 'm')) <= width) ++letters;
+    for (std::string& name : names) name.resize(std::min(name.size(), letters));
+    return names;
+}
+
 double paint_pad(Image& image, const World& world, EntityId finger, const PadPlace& at) {
     const Look& look = look_of(at.dark);
     const ContactSurface& contact = *world.contact_surfaces.find(finger);
@@ -254,19 +269,14 @@ double paint_pad(Image& image, const World& world, EntityId finger, const PadPla
         }
     }
     image.paste(r.image(factor), middle - wide / 2, at.top + 18);
-    auto centred = [&](int y, std::string text, Colour colour) {
-        for (const auto& [whole, part] : {std::pair{"right ", "R "}, {"left ", "L "}})
-            if (text_width(text) > at.width - 4 && text.starts_with(whole))
-                text = part + text.substr(std::strlen(whole));
-        if (text_width(text) > at.width - 4) text.resize(std::size_t((at.width - 4) / 8));
+    auto centred = [&](int y, const std::string& text, Colour colour) {
         image.write(middle - text_width(text) / 2, y, text, colour);
     };
-    centred(at.top + 4, at.name, look.ink);
+    centred(at.top + 4, fitting_names({at.name}, at.width - 4)[0], look.ink);
     if (contact.normal_force > 0.0005) {
-        centred(at.top + side + 20,
-                formatted("%.2f N", contact.normal_force) +
-                    formatted(at.width > 130 ? "  %.0f mm2" : " %.0f", 1e6 * contact.touching_area),
-                look.ink);
+        const std::string newtons = formatted("%.2f N", contact.normal_force),
+                          area = formatted(at.width > 130 ? "  %.0f mm2" : " %.0f", 1e6 * contact.touching_area);
+        centred(at.top + side + 20, text_width(newtons + area) <= at.width - 4 ? newtons + area : newtons, look.ink);
         const int bar = std::min(at.width - 60, 90), bx = middle - bar / 2 - 20;
         for (int i = 0; i < bar; ++i) image.fill(bx + i, at.top + side + 37, 1, 8, skin_colour(double(i) / (bar - 1)));
         image.write(bx + bar + 4, at.top + side + 35, formatted(at.width > 130 ? "%.3g kPa" : "%.3g", 1e-3 * most),
@@ -283,11 +293,14 @@ void Painter::paint_pads(const Simulation& s, Image& image, int top, int height)
     image.fill(0, top, image.width, 1, look.line);
     const int count = int(s.fingers.size()), cell = std::min(180, image.width / std::max(1, count));
     const int left = (image.width - cell * count) / 2;
+    std::vector<std::string> names;
+    for (const FingerSpec& finger : s.scene.spec.fingers) names.push_back(finger.name);
+    names = fitting_names(names, cell - 4);
     for (int f = 0; f < count; ++f) {
         const EntityId finger = s.fingers[std::size_t(f)];
         const double own = peak_of(s.world, finger) > 0 ? 0 : most_;
         paint_pad(image, s.world, finger,
-                  {left + f * cell, top, cell, height, s.scene.spec.fingers[std::size_t(f)].name,
+                  {left + f * cell, top, cell, height, names[std::size_t(f)],
                    settings_.scales.pads.empty() ? own : settings_.scales.pads[std::size_t(f)], settings_.dark,
                    settings_.samples});
     }

@@ -22,6 +22,10 @@ struct PadPlace {
     bool dark = false;
     int samples = 2;
 };
+/// Names as they fit into a width [pixels], all in the same manner: whole, "L thumb" for "left thumb", or the first
+/// letters of that.
+std::vector<std::string> fitting_names(std::vector<std::string> names, int width);
+
 /// A finger's pad seen from its contact side, the tip up: pressure, edge of the touched area, centre of pressure, name,
 /// force, area and scale. Returns the end of the scale [Pa].
 double paint_pad(Image& image, const World& world, EntityId finger, const PadPlace& place);

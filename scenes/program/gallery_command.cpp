@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 struct GalleryArguments {
     std::vector<std::string> scenes;
     std::string out = "results/gallery";
-    int threads = 0, width = 460, height = 380;
+    int threads = 0, width = 0, height = 380;
     bool no_hand = false, dark = false, paper = false;
 };
 
@@ -72,11 +72,14 @@ int make_gallery(const GalleryArguments& a, const std::atomic<bool>& stop) {
     const std::vector<std::string> scenes = a.scenes.empty() ? shipped_scenes() : a.scenes;
     fs::create_directories(a.out);
     PictureSettings settings;
-    settings.width = a.width, settings.height = a.height, settings.hand = !a.no_hand, settings.dark = a.dark;
+    settings.height = a.height, settings.hand = !a.no_hand, settings.dark = a.dark;
     Progress progress("gallery");
     for (std::size_t k = 0; k < scenes.size() && !stop; ++k) {
         const fs::path scene = find_scene(scenes[k]), file = fs::path(a.out) / (scene.stem().string() + ".png");
         Simulation s = make_simulation(load_scene(scene), a.threads, false);
+        settings.width = a.width > 0            ? a.width
+                         : s.fingers.size() > 6 ? 720
+                                                : 460;  // pads with their names beside each other
         if (!paint_best(s, settings, file, stop, [&](double share) {
                 progress.show((double(k) + share) / double(scenes.size()), s.world.step, s.world.time);
             }))
@@ -95,7 +98,7 @@ Action add_gallery_command(const Command& program, const std::atomic<bool>& stop
     auto a = std::make_shared<GalleryArguments>();
     c.option("scenes", a->scenes, "scene files or names (default: all that come with it)");
     c.option("--out", a->out, "folder for pictures (default: results/gallery)");
-    c.option("--width", a->width, "of a picture, pixels (default: 460)").range(200, 4000);
+    c.option("--width", a->width, "of a picture, pixels (default: 460, of more than six fingers 720)").range(200, 4000);
     c.option("--height", a->height, "of a picture, pixels (default: 380)").range(200, 4000);
     c.flag("--no-hand", a->no_hand, "without the hand around the fingertips");
     c.flag("--dark", a->dark, "on a dark ground");

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <map>
 
+#include "engine/contact/shape.h"
 #include "meshes/input_error.h"
 #include "scenes/picture/rest_hand.h"
 #include "scenes/picture/still.h"
@@ -188,6 +189,58 @@ TEST(Picture, TheHandsSkinIsAClosedManifold) {
     EXPECT_EQ(int(next.size()) - int(ways.size() / 2) + int(skin.triangles.size()), 2) << "not the shape of a ball";
     EXPECT_GT(volume(skin), 2e-4);
     EXPECT_LT(volume(skin), 6e-4);  // of a real hand: about 0.4 l
+}
+
+/// Skin goes from finger to finger at their roots alone: farther out it would be a web that tears as they bend apart.
+TEST(Picture, FingersAreSeparateBeyondTheirRoots) {
+    const HandSkin& skin = hand_skin();
+    double farthest = 0;
+    for (const auto& t : skin.surface.triangles)
+        for (const int a : t)
+            for (const int b : t) {
+                const int of_a = (skin.bones[std::size_t(a)][0] - 1) / 3,
+                          of_b = (skin.bones[std::size_t(b)][0] - 1) / 3;
+                if (of_a < 1 || of_b < 1 || of_a == of_b) continue;  // the palm is -1 / 3 = 0, as the thumb
+                const RestFinger& f = rest_fingers()[std::size_t(of_a)];
+                const Point& x = skin.surface.vertices[std::size_t(a)];
+                farthest = std::max(farthest, (Vector3d(x[0], x[1], x[2]) - f.root).dot(f.along) / f.length[0]);
+            }
+    std::printf("from finger to finger up to %.2f of the first bone\n", farthest);
+    EXPECT_LT(farthest, 0.5);
+}
+
+/// Bones of the drawn hand before the last go around a mug that its fingertips hold, not through its wall.
+TEST(Picture, AHandStaysOutOfWhatItHolds) {
+    Simulation s = make_simulation(load_scene(scenes + "hold_mug.toml"), 2);
+    const HandParts parts = hands_of(s.scene)[0];
+    HandPoser poser(s, parts);
+    const RigidShape* mug = nullptr;
+    for (const RigidShape& o : s.world.shapes)
+        if (o.name == "mug") mug = &o;
+    ASSERT_NE(mug, nullptr);
+    double nearest = 1;
+    for (const double time : {0.3, 0.6}) {
+        while (s.world.time < time) advance(s);
+        const HandBones bones = poser.pose(s);
+        for (int f = 0; f < 5; ++f)
+            for (int segment = f == 0 ? 1 : 0; segment < 2; ++segment)
+                for (double share = 0; share <= 1; share += 0.125) {
+                    const Vector3d x = bones[std::size_t(hand_bone(f, segment))] *
+                                       ((1 - share) * rest_joint(f, segment) + share * rest_joint(f, segment + 1));
+                    const Vec3<double> here{x.x(), x.y(), x.z()};
+                    nearest = std::min(nearest, surface_point(mug->shape, mug->pose, here).distance);
+                }
+    }
+    std::printf("bones come within %.1f mm of the mug's surface\n", 1e3 * nearest);
+    EXPECT_GT(nearest, 0.002);  // of bones alone posed by the palm: 2.7 mm inside
+}
+
+/// Names in little room are shortened all in the same manner.
+TEST(Picture, NamesOfPadsAreShortenedAlike) {
+    const std::vector<std::string> names{"left ring", "left middle", "right thumb"};
+    EXPECT_EQ(fitting_names(names, 88), names);
+    EXPECT_EQ(fitting_names(names, 87), (std::vector<std::string>{"L ring", "L middle", "R thumb"}));
+    EXPECT_EQ(fitting_names(names, 42), (std::vector<std::string>{"L rin", "L mid", "R thu"}));
 }
 
 TEST(Picture, ScalesEndAtRoundNumbers) {
