@@ -129,7 +129,7 @@ function plotsSvg(w = 640, h = 170) {
     const texts = items.texts.concat(plot.curves.length === 1 ? [] : plot.curves.map((c, i) =>
       ({ text: c.name, x: left + (w - left - right) * i / plot.curves.length, y: h - 6, colour: c.colour, align: 'start' })));
     return `<g transform="translate(0 ${20 + k * h})" data-quantity="${plot.id}">\n` +
-      items.lines.map(l => `<polyline points="${points(l.at)}" stroke="${colours[l.colour] || l.colour}"${
+      items.lines.concat(items.cursor || []).map(l => `<polyline points="${points(l.at)}" stroke="${colours[l.colour] || l.colour}"${
         l.dashed ? ' stroke-dasharray="4 3"' : ''}/>\n`).join('') +
       items.curves.map(c => `<polyline class="curve" data-name="${inHtml(c.name)}" transform="${transform}" stroke="${c.colour}" ` +
         `vector-effect="non-scaling-stroke" points="${points(c.at)}"/>\n`).join('') +
