@@ -74,16 +74,16 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
 namespace {
 
 /// A scene's fingers are conforming where nothing is said; what does not go with that is uniform then: finished meshes,
-/// scans (many of which cannot be meshed so), a bone by half-space or by list; and patches are left out where the
-/// tissue is another.
+/// scans (many of which cannot be meshed so), a bone by half-space or by list, fewer elements than it takes; and
+/// patches are left out where the tissue is another.
 void settle_default_mesh(const Section& mesh, FingerModel& m) {
     FingerMeshRequest& r = m.mesh;
     if (!r.by_default) return;
+    constexpr int fewest = 250;
     const bool parametric = r.source == FingerMeshRequest::Source::parametric;
-    if (!mesh.has("kind") && (!parametric || r.half_space || !r.bone_nodes.empty()))
+    if (!mesh.has("kind") && (!parametric || r.half_space || !r.bone_nodes.empty() || r.elements < fewest))
         r.kind = FingerMeshRequest::Kind::uniform;
-    if (!mesh.has("patch") &&
-        (r.kind == FingerMeshRequest::Kind::uniform || m.spec.material != Material::corotational))
+    if (!mesh.has("patch") && (r.kind == FingerMeshRequest::Kind::uniform || m.spec.material != Material::corotational))
         r.patch = 0;
 }
 
@@ -206,10 +206,10 @@ void read_finger_model(Section& s, const std::filesystem::path& folder, FingerMo
                       "Which nodes ride on the bone; by default those at the cut, under the nail and inside the "
                       "phalanx."),
               m.mesh);
-    settle_default_mesh(mesh, m);
-    check_mesh(s, mesh, m);
     read_layers(s, m.spec, m.layers);
     s.integer("elements", m.mesh.elements, {20, 200000}, "Tetrahedra wanted, of a shape or a scanned surface.");
+    settle_default_mesh(mesh, m);
+    check_mesh(s, mesh, m);
 }
 
 namespace {
