@@ -64,7 +64,7 @@ TEST(Indentation, ForceGrowsWithDisplacementAndScalesWithStiffness) {
         EXPECT_GT(a.force, curves[0].points[k - 1].force);
         EXPECT_GT(a.displacement, curves[0].points[k - 1].displacement);
         EXPECT_GE(a.hull, 0.99 * a.area);  // the area is that of the skin, which rises towards its edge
-        if (a.force > 2) break;  // then the clamp's own give, the same in both, counts
+        if (a.force > 2) break;            // then the clamp's own give, the same in both, counts
         const double force = field_at_displacement(curves[1], a.displacement, &IndentationPoint::force);
         EXPECT_NEAR(force, 2 * a.force, 2e-3 * force);
         EXPECT_NEAR(b.area, a.area, 2e-3 * a.area);
