@@ -283,7 +283,7 @@ struct Client {
                     float time;
                     std::memcpy(&time, data, 4);
                     c.times.push_back(time);
-                    if (size >= 40) {
+                    if (size >= 44) {
                         float force;  // of the first finger
                         std::memcpy(&force, data + 40, 4);
                         c.forces.push_back(force);
