@@ -226,7 +226,8 @@ void draw_drop(Random& r, RandomScene& s, int fingers, int elements) {
 void draw_pinch(Random& r, RandomScene& s, int fingers, int elements, double dt) {
     if (r.chance(0.8)) s.blocks.push_back({"[contact]", line("skin_friction = %.3f", random_friction(r))});
     for (int i = 0; i < std::max(2, fingers); ++i) {
-        const double side = i % 2 ? 1 : -1, x = 30.0 * (i / 2), close = dt * r.integer(5, 15);
+        const int pair = i / 2;
+        const double side = i % 2 ? 1 : -1, x = 30.0 * pair, close = dt * r.integer(5, 15);
         const double aside = r.between(-3, 3), up = r.between(-3, 3), roll = -90 * side + r.between(-20, 20);
         const double pitch = r.between(-15, 15), pressed = 8 - r.between(0.3, 2);
         Block b = finger(r, line("finger %d", i), elements);
