@@ -56,7 +56,8 @@ bool read_step(const Frame& frame, const RecordedRun& run, RecordedStep& step) {
     PayloadReader in(frame);
     step.number = std::int64_t(in.get<std::uint64_t>());
     step.time = in.get<double>();
-    step.inputs.preset = int(in.get<std::int8_t>());
+    const auto preset = in.get<std::int8_t>();
+    step.inputs.preset = preset < 0 ? -1 : static_cast<unsigned char>(preset);
     const auto fingers = in.get<std::uint32_t>(), objects = in.get<std::uint32_t>();
     const std::size_t hashes = in.get<std::uint32_t>(), moved = in.get<std::uint32_t>();
     if (fingers != run.fingers.size() || objects != run.objects.size()) return false;
