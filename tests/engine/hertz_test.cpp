@@ -27,6 +27,21 @@ TetMesh half_space(int fine) {
     return mesh;
 }
 
+constexpr double depth = contact_radius * contact_radius / sphere_radius;
+const Shape shape{ShapeKind::sphere, {sphere_radius, 0, 0}};
+const Pose<double> sphere{{0, 0, depth - sphere_radius}, Pose<double>::identity().rotation};
+
+/// Solves the block under the sphere, at rest.
+void press_sphere(SkinChunk<double>& chunk) {
+    testing::touch_all(chunk, {0, shape, sphere, Pose<double>::identity(), 0});
+    testing::aim_all(chunk, 1e7, 1e5, Pose<double>::identity());
+    SolverSettings s;
+    s.inertia = false;
+    s.contact_tolerance = 1e-9;
+    for (int i = 0; i < 3 && !(i > 0 && chunk.status[0].converged); ++i) solve_skin(chunk, s);
+    EXPECT_TRUE(chunk.status[0].converged);
+}
+
 struct Indentation {
     double force, peak_pressure;
     double depth, level;  ///< how much deeper the sphere's top went than the point of the axis at height `level`
@@ -36,17 +51,7 @@ Indentation indent(int fine) {
     const TetMesh mesh = half_space(fine);
     auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
                                              {.limits = false, .young = young, .poisson = poisson});
-    const double depth = contact_radius * contact_radius / sphere_radius;
-    Pose<double> sphere = Pose<double>::identity();
-    sphere.position.z = depth - sphere_radius;
-    const Shape shape{ShapeKind::sphere, {sphere_radius, 0, 0}};
-    testing::touch_all(chunk, {0, shape, sphere, Pose<double>::identity(), 0});
-    testing::aim_all(chunk, 1e7, 1e5, Pose<double>::identity());
-    SolverSettings s;
-    s.inertia = false;
-    s.contact_tolerance = 1e-9;
-    for (int i = 0; i < 3 && !(i > 0 && chunk.status[0].converged); ++i) solve_skin(chunk, s);
-    EXPECT_TRUE(chunk.status[0].converged);
+    press_sphere(chunk);
     Indentation out{chunk.status[0].contact_force_N, 0, 0, 0};
     const double h = contact_radius / fine;
     auto on_axis = [&](int i) { return std::abs(mesh.nodes[i][0]) + std::abs(mesh.nodes[i][1]) < 1e-9; };
@@ -99,8 +104,7 @@ TetMesh moved_half_space(int fine, double along_x, double along_y) {
 }
 
 /// The pad of a block as the world would have it: pressed forces at nodes, gaps beside them.
-ContactSurface surface_of(const TetMesh& mesh, const SkinChunk<double>& chunk, const Shape& shape,
-                          const Pose<double>& pose) {
+ContactSurface surface_of(const TetMesh& mesh, const SkinChunk<double>& chunk) {
     ContactSurface c;
     c.modulus = young / (1 - poisson * poisson);
     const std::vector<double> area = nodal_areas(mesh);
@@ -114,7 +118,7 @@ ContactSurface surface_of(const TetMesh& mesh, const SkinChunk<double>& chunk, c
         const double force = chunk.state.normal_multiplier[s];
         c.touches.push_back(force > 0);
         c.pressing.push_back({0, 0, force});
-        c.gap.push_back(force > 0 ? 0 : std::max(0.0, surface_point(shape, pose, x).distance));
+        c.gap.push_back(force > 0 ? 0 : std::max(0.0, surface_point(shape, sphere, x).distance));
     }
     for (const auto& f : mesh.surface) {
         const std::array<int, 3> samples{sample[std::size_t(f[0])], sample[std::size_t(f[1])],
@@ -137,19 +141,10 @@ AreaErrors areas(int fine) {
         const TetMesh mesh = moved_half_space(fine, x, y);
         auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
                                                  {.limits = false, .young = young, .poisson = poisson});
-        Pose<double> sphere = Pose<double>::identity();
-        sphere.position.z = contact_radius * contact_radius / sphere_radius - sphere_radius;
-        const Shape shape{ShapeKind::sphere, {sphere_radius, 0, 0}};
-        testing::touch_all(chunk, {0, shape, sphere, Pose<double>::identity(), 0});
-        testing::aim_all(chunk, 1e7, 1e5, Pose<double>::identity());
-        SolverSettings s;
-        s.inertia = false;
-        s.contact_tolerance = 1e-9;
-        for (int i = 0; i < 3 && !(i > 0 && chunk.status[0].converged); ++i) solve_skin(chunk, s);
-        EXPECT_TRUE(chunk.status[0].converged);
+        press_sphere(chunk);
         const double force = chunk.status[0].contact_force_N;
         const double circle = M_PI * std::pow(0.75 * force * sphere_radius / modulus, 2.0 / 3);
-        const ContactSurface c = surface_of(mesh, chunk, shape, sphere);
+        const ContactSurface c = surface_of(mesh, chunk);
         double nodes = 0;
         for (std::size_t i = 0; i < c.area.size(); ++i) nodes += c.touches[i] ? c.area[i] : 0;
         const double error = area_in_contact(c) / circle - 1;
