@@ -112,6 +112,11 @@ class SketchBoard {
             while (rounds_ < seen + 2) usleep(100);
         }
     }
+    /// Lets the board hang: from here on it answers nothing, not even what its loop was about to read.
+    void hang() {
+        hangs = true;
+        for (const long seen = rounds_; rounds_ < seen + 2;) usleep(100);
+    }
     /// The pulse that a pin's servo gets now; 0: none.
     static int pulse(int pin) {
         const std::lock_guard lock(arduino::pulses_mutex);
@@ -350,7 +355,7 @@ TEST(TextBoard, WhatIsNoSuchBoardIsRefused) {
     EXPECT_NE(open({board.port, {0, 6}, 600, true, 30}).find("channels 0 to 5, not 6"), std::string::npos);
     EXPECT_NE(open({"/dev/no-such-port", {0}, 600, true, 30}).find("cannot be opened"), std::string::npos);
     EXPECT_NE(open({"/dev/null", {0}, 600, true, 30}).find("not a serial port"), std::string::npos);
-    board.hangs = true;
+    board.hang();
     const std::string silent = open({board.port, {0}, 600, true, 0.2});
     EXPECT_NE(silent.find("no answer"), std::string::npos) << silent;
 }
