@@ -331,16 +331,16 @@ void write_file(const fs::path& path, const std::string& text) {
     throw_unwritable(path, error);
 }
 
-void write_vtu(const fs::path& path, const TetMesh& mesh, const std::vector<Field>& node_fields,
-               const std::vector<Field>& element_fields) {
+void write_vtu(const fs::path& path, const TetMesh& mesh, const std::vector<VtuField>& node_fields,
+               const std::vector<VtuField>& element_fields) {
     std::ostringstream out;
     out.precision(9);
     out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
         << "<UnstructuredGrid>\n<Piece NumberOfPoints=\"" << mesh.nodes.size() << "\" NumberOfCells=\""
         << mesh.tets.size() << "\">\n";
-    auto fields = [&](const char* kind, const std::vector<Field>& list) {
+    auto fields = [&](const char* kind, const std::vector<VtuField>& list) {
         out << "<" << kind << ">\n";
-        for (const Field& f : list) {
+        for (const VtuField& f : list) {
             out << "<DataArray type=\"Float64\" Name=\"" << f.name << "\" NumberOfComponents=\"" << f.components
                 << "\" format=\"ascii\">\n";
             for (std::size_t i = 0; i < f.values.size(); ++i)

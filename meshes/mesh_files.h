@@ -13,7 +13,7 @@ namespace palpate {
 TetMesh read_tet_mesh(const std::filesystem::path& path, const std::string& unit);
 
 /// One value, or three, per node or per element.
-struct Field {
+struct VtuField {
     std::string name;    ///< with its unit, for example "displacement_mm"
     int components = 1;  ///< 1 or 3
     std::vector<double> values;
@@ -21,8 +21,8 @@ struct Field {
 
 /// Writes a VTK unstructured grid (ASCII XML, for ParaView), coordinates in millimetres. The file is
 /// complete or absent. Throws as throw_unwritable.
-void write_vtu(const std::filesystem::path& path, const TetMesh& mesh, const std::vector<Field>& node_fields,
-               const std::vector<Field>& element_fields);
+void write_vtu(const std::filesystem::path& path, const TetMesh& mesh, const std::vector<VtuField>& node_fields,
+               const std::vector<VtuField>& element_fields);
 
 /// Throws what is wrong with a file that cannot be written, by errno: std::runtime_error where the machine is at fault
 /// (the disk is full or broken, a quota or file size limit is reached), InputError where the path is.

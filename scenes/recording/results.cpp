@@ -20,7 +20,7 @@ namespace {
 void write_tissue(const fs::path& path, TetMesh mesh, const ContactSurface& contact, const Pose<double>& bone,
                   const std::vector<Point>& now, const std::vector<Vec3<double>>& reactions) {
     const std::size_t n = mesh.nodes.size();
-    Field displacement{"displacement_mm", 3, {}}, force{"contact_force_N", 3, std::vector<double>(3 * n)},
+    VtuField displacement{"displacement_mm", 3, {}}, force{"contact_force_N", 3, std::vector<double>(3 * n)},
         pressure{"contact_pressure_kPa", 1, std::vector<double>(n)}, region{"region", 1, std::vector<double>(n)},
         low{"stretch_min", 1, {}}, high{"stretch_max", 1, {}};
     for (std::size_t i = 0; i < n; ++i) {
@@ -28,7 +28,7 @@ void write_tissue(const fs::path& path, TetMesh mesh, const ContactSurface& cont
         const Vec3<double> rest = transform(bone, Vec3<double>{r[0], r[1], r[2]});
         for (int d = 0; d < 3; ++d) displacement.values.push_back(1e3 * (now[i][d] - rest[d]));
     }
-    Field reaction{"bone_reaction_N", 3, {}};
+    VtuField reaction{"bone_reaction_N", 3, {}};
     for (const Vec3<double>& f : reactions)
         for (int d = 0; d < 3; ++d) reaction.values.push_back(f[d]);
     for (int i : mesh.bone_nodes) region.values[i] = 1;

@@ -35,7 +35,7 @@ std::string escaped(const std::string& s) {
     return out;
 }
 
-struct Range {
+struct AxisRange {
     double low = HUGE_VAL, high = -HUGE_VAL;
 };
 
@@ -45,8 +45,8 @@ double on_axis(bool log, double v) { return !log ? v : v > 0 ? std::log10(v) : s
 /// Text of a tick: of a decade, its number.
 std::string decade_text(double power) { return tick_text(std::pow(10, power), std::pow(10, std::min(power, 0.0))); }
 
-Range range_of(const Plot& plot, bool x) {
-    Range r;
+AxisRange range_of(const Plot& plot, bool x) {
+    AxisRange r;
     for (const Curve& c : plot.curves)
         for (double number : x ? c.x : c.y)
             if (const double v = on_axis(x ? plot.log_x : plot.log_y, number); std::isfinite(v))
@@ -79,7 +79,7 @@ Curve thinned(const Curve& c, std::size_t parts) {
 }
 
 void draw(std::ostringstream& out, const Plot& plot, double y0) {
-    const Range rx = range_of(plot, true), ry = range_of(plot, false);
+    const AxisRange rx = range_of(plot, true), ry = range_of(plot, false);
     auto px = [&](double x) { return left + (x - rx.low) / (rx.high - rx.low) * (width - left - right); };
     auto py = [&](double y) {
         return y0 + height - bottom - (y - ry.low) / (ry.high - ry.low) * (height - top - bottom);
