@@ -1,6 +1,8 @@
 #include "scenes/load/finger_mesh.h"
 
 #include <algorithm>
+#include <cstdio>
+#include <mutex>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
@@ -43,21 +45,50 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
     return tetrahedralise(surface, {.elements = r.elements});
 }
 
+/// What a template is made of, in full.
+std::string template_key(const FingerMeshRequest& r, double nail_drop) {
+    std::string key = std::to_string(r.elements) + " " + std::to_string(r.patch);
+    const auto add = [&](double x) {
+        char text[40];
+        std::snprintf(text, sizeof text, " %.17g", x);
+        key += text;
+    };
+    add(nail_drop);
+    if (r.kind == FingerMeshRequest::Kind::conforming)
+        for (double x : {r.regions.cut, r.regions.nail, r.regions.phalanx_length, r.regions.phalanx_height,
+                         r.regions.phalanx_radius, r.grading.coarse, r.grading.bone})
+            add(x);
+    return key;
+}
+
+/// Meshing takes half a second of a core: of the templates that were made last, copies are kept for the scenes that
+/// this process loads next.
+TetMesh kept_or_made(const std::string& key, const FingerMeshRequest& r, const FingerShape& shape, std::string& note) {
+    struct Kept {
+        TetMesh mesh;
+        std::string note;
+    };
+    static std::mutex mutex;
+    static std::map<std::string, Kept> all;
+    {
+        const std::lock_guard lock(mutex);
+        if (const auto it = all.find(key); it != all.end()) return note += it->second.note, it->second.mesh;
+    }
+    Kept made;
+    made.mesh = filled(r, finger_surface(shape), made.note);
+    if (r.patch > 0) make_patches(made.mesh, r.patch);  // of all sizes alike
+    const std::lock_guard lock(mutex);
+    if (all.size() >= 8) all.clear();
+    return note += made.note, (all[key] = std::move(made)).mesh;
+}
+
 TetMesh parametric(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
     FingerShape shape = finger_shape("middle");
     shape.nail_drop = r.shape.nail_drop;
     if (const auto wrong = r.shape.validate(); !wrong.empty()) throw InputError(wrong);
-    std::string key =
-        std::to_string(r.elements) + " " + std::to_string(shape.nail_drop) + " " + std::to_string(r.patch);
-    if (r.kind == FingerMeshRequest::Kind::conforming)
-        for (double x : {r.regions.cut, r.regions.nail, r.regions.phalanx_length, r.regions.phalanx_height,
-                         r.regions.phalanx_radius, r.grading.coarse, r.grading.bone})
-            key += " " + std::to_string(x);
+    const std::string key = template_key(r, shape.nail_drop);
     auto it = templates.find(key);
-    if (it == templates.end()) {
-        it = templates.emplace(key, filled(r, finger_surface(shape), note)).first;
-        if (r.patch > 0) make_patches(it->second, r.patch);  // of all sizes alike
-    }
+    if (it == templates.end()) it = templates.emplace(key, kept_or_made(key, r, shape, note)).first;
     TetMesh mesh = it->second;
     for (Point& p : mesh.nodes) {
         p[0] *= r.shape.length / shape.length;
