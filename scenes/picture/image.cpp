@@ -100,7 +100,7 @@ void write_png(const std::filesystem::path& path, const Image& image) {
     uLongf size = compressBound(uLong(raw.size()));
     std::string packed(size, '\0');
     compress2(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(raw.data()),
-              uLong(raw.size()), 9);
+              uLong(raw.size()), 6);
     packed.resize(size);
     std::string header;
     put_word(header, std::uint32_t(image.width)), put_word(header, std::uint32_t(image.height));

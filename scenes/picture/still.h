@@ -10,7 +10,8 @@ namespace palpate {
 struct PictureSettings {
     int width = 900, height = 620;
     bool hand = true, thimbles = true, pads = true, title = true, dark = false;
-    int samples = 2;  ///< per pixel and direction
+    bool painted = true;  ///< false: results have no picture
+    int samples = 2;      ///< per pixel and direction
     PictureScales scales{};
 };
 

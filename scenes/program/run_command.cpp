@@ -30,7 +30,8 @@ struct RunArguments {
     std::vector<std::string> overrides;
     int threads = 0;
     double duration = 0, pads_per_second = 0, budget_ms = 0;
-    bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false, no_hand = false;
+    bool quiet = false, json = false, statics = false, arm = false, no_watchdog = false, no_hand = false,
+         no_picture = false;
 };
 
 /// Enter on a terminal clears the faults of thimbles whose cause is gone.
@@ -118,7 +119,8 @@ void tell_results(const RunArguments& a, const Summary& summary, const ResultsFo
     if (a.json || a.quiet) return;
     std::printf("\n%s\n%s", to_text(summary).c_str(),
                 wrapped(std::to_string(results.files()) + " files in " + folder.string() +
-                        " (picture.png, plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)")
+                        (a.no_picture ? " (" : " (picture.png, ") +
+                        "plots.svg, summary.json, per finger .csv, _nodes.csv and .vtu)")
                     .c_str());
     for (const std::string& sentence : replaced) std::printf("%s: %s\n", folder.string().c_str(), sentence.c_str());
 }
@@ -146,7 +148,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     ReportRecorder report;
     PressureScales scales;
     PictureSettings picture;
-    picture.hand = !a.no_hand;
+    picture.hand = !a.no_hand, picture.painted = !a.no_picture;
     std::optional<Video> video;
     if (!a.video.empty()) video.emplace(a.video, picture);
     Progress progress("run", a.quiet);
@@ -227,6 +229,7 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
     c.option("--report", a->report, "write one HTML file with 3-D playback, plots and summary; opens offline");
     c.option("--video", a->video,
              "film of the run: .webm, .gif or .mp4 by ffmpeg; where that is not, pictures in a folder");
+    c.flag("--no-picture", a->no_picture, "no picture.png, which takes a second: for many runs");
     c.flag("--no-hand", a->no_hand, "pictures and films without the hand around the fingertips");
     c.option(
          "--set", a->overrides,

@@ -203,7 +203,7 @@ void write_results(const fs::path& folder, const Simulation& s, const Summary& s
     if (!live)
         for (const NamedSeries& table : tables_of(s)) write_csv(add(table.file), *table.series);
     write_svg(add("plots.svg"), plots_of(s));
-    write_png(add("picture.png"), Painter(s, picture).paint(s));
+    if (picture.painted) write_png(add("picture.png"), Painter(s, picture).paint(s));
     write_file(add("summary.txt"), to_text(summary));
     write_file(add("summary.json"), to_json(summary).dump(2) + "\n");
 }

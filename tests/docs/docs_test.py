@@ -7,6 +7,7 @@ docs_test.py PROGRAM PART, where PART is
   run        shell lines that are marked neither "not run" nor "slow" end well
   slow       those that are marked "slow", if PALPATE_DOCS_SLOW is set
 """
+import functools
 import json
 import os
 import pathlib
@@ -38,11 +39,13 @@ def program(*arguments, **options):
 # --- what there is, as the program says it itself -------------------------------------------------------------------
 
 
+@functools.cache
 def commands_of_program():
     listed = program("--help").stdout.split("Subcommands:")[1].split("\n\n")[0]
     return re.findall(r"^  ([a-z][a-z-]*)", listed, flags=re.M)
 
 
+@functools.cache
 def help_of(command):
     shown = program(command, "--help")
     assert shown.returncode == 0, command
@@ -240,7 +243,7 @@ def client_of_stream(block):
     try:
         time.sleep(0.5)
         with tempfile.TemporaryDirectory() as out:
-            ran = program("run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--duration", "2", "--out", out + "/results",
+            ran = program("run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--no-picture", "--duration", "2", "--out", out + "/results",
                           "--stream", "udp:127.0.0.1:" + port)  # fmt: skip
     finally:
         client.kill()
@@ -257,7 +260,7 @@ def keys_of(value):
 
 
 def check_stream_schema(block):
-    ran = program("run", str(ROOT / "scenes/press.toml"), "--duration", "0.02", "--stream", "-", "--stream-samples", "--out", "")
+    ran = program("run", str(ROOT / "scenes/press.toml"), "--no-picture", "--duration", "0.02", "--stream", "-", "--stream-samples", "--out", "")
     real, said = json.loads(ran.stdout.splitlines()[0]), json.loads(block.text)
     check(keys_of(real) == keys_of(said), f"{block}: the stream has other keys: {ran.stdout[:600]}")
     check(real["palpate"] == said["palpate"], f"{block}: another version of the schema")
