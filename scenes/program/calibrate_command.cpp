@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
@@ -14,8 +13,6 @@
 namespace palpate {
 
 namespace {
-
-constexpr double degree = std::numbers::pi / 180;
 
 struct CalibrateArguments {
     std::string data, out = "finger.toml", plot;

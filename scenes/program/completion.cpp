@@ -10,7 +10,7 @@ namespace palpate {
 
 namespace {
 
-std::string joined(const std::vector<std::string>& words) {
+std::string spaced(const std::vector<std::string>& words) {
     std::string all;
     for (const std::string& w : words) all += (all.empty() ? "" : " ") + w;
     return all;
@@ -19,13 +19,13 @@ std::string joined(const std::vector<std::string>& words) {
 std::string option_words(const CommandInfo& command) {
     std::vector<std::string> names;
     for (const OptionInfo& option : command.options) names.push_back(option.name);
-    return joined(names);
+    return spaced(names);
 }
 
 /// The words of the first positional that has a list of them.
 std::string positional_words(const CommandInfo& command) {
     for (const OptionInfo& positional : command.positionals)
-        if (!positional.words.empty()) return joined(positional.words);
+        if (!positional.words.empty()) return spaced(positional.words);
     return "";
 }
 
@@ -44,7 +44,7 @@ std::string zsh_quoted(const std::string& text) {
 }
 
 std::string zsh_action(const OptionInfo& option) {
-    return option.words.empty() ? "_files" : "(" + joined(option.words) + ")";
+    return option.words.empty() ? "_files" : "(" + spaced(option.words) + ")";
 }
 
 std::string zsh_arguments(const CommandInfo& command) {
@@ -79,7 +79,7 @@ std::string bash_completion(const std::vector<CommandInfo>& commands) {
                 "'\n            case $previous in\n";
         for (const OptionInfo& option : c->options)
             if (!option.value.empty())
-                text += "                " + option.name + ") options= words='" + joined(option.words) + "' ;;\n";
+                text += "                " + option.name + ") options= words='" + spaced(option.words) + "' ;;\n";
         text += "            esac ;;\n";
     }
     return text +

@@ -1,7 +1,6 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <sstream>
 
 #include "devices/device.h"
@@ -11,8 +10,6 @@
 namespace palpate {
 
 namespace {
-
-constexpr double degree = std::numbers::pi / 180;
 
 struct DeviceArguments {
     std::string kind, pose;

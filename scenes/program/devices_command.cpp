@@ -15,6 +15,7 @@
 
 #include "devices/drivers/maestro.h"
 #include "meshes/input_error.h"
+#include "scenes/load/key.h"
 #include "scenes/program/commands.h"
 #include "scenes/run/hardware.h"
 
@@ -31,12 +32,6 @@ std::vector<std::string> users_of(const Scene& scene, const maestro::BoardInfo& 
             fingers.push_back(scene.spec.fingers[std::size_t(scene.spec.thimbles[t].finger)].name);
     }
     return fingers;
-}
-
-std::string joined(const std::vector<std::string>& list) {
-    std::string text;
-    for (const auto& s : list) text += (text.empty() ? "" : ", ") + s;
-    return text;
 }
 
 int list_devices(const std::string& file, bool json) {

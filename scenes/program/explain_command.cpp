@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "engine/skin/solve/solve_skin.h"
+#include "scenes/load/key.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/progress.h"
 #include "scenes/run/simulation.h"
@@ -11,12 +12,6 @@
 namespace palpate {
 
 namespace {
-
-std::string joined(const std::vector<std::string>& words) {
-    std::string all;
-    for (const auto& w : words) all += (all.empty() ? "" : ", ") + w;
-    return all.empty() ? "none" : all;
-}
 
 template <class T>
 void explain_chunks(const Simulation& s, const std::vector<SkinChunk<T>>& chunks, const char* precision) {

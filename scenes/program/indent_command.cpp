@@ -1,7 +1,6 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
@@ -15,8 +14,6 @@
 namespace palpate {
 
 namespace {
-
-constexpr double degree = std::numbers::pi / 180;
 
 struct IndentArguments {
     FingerSource source;

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <thread>
 
 #include "meshes/input_error.h"
@@ -18,8 +17,6 @@
 namespace palpate {
 
 namespace {
-
-constexpr double degree = std::numbers::pi / 180;
 
 /// Keys one at a time, from a terminal or from a pipe.
 class Keyboard {

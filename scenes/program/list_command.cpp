@@ -9,6 +9,7 @@
 #include "meshes/input_error.h"
 #include "scenes/load/find_scene.h"
 #include "scenes/load/finger_model.h"
+#include "scenes/load/key.h"
 #include "scenes/load/load_devices.h"
 #include "scenes/load/presets.h"
 #include "scenes/program/commands.h"
@@ -72,12 +73,6 @@ void list_presets() {
                   "at most " + std::to_string(settings.newton_iterations) +
                       (settings.newton_iterations == 1 ? " Newton iteration a step" : " Newton iterations a step"));
     }
-}
-
-std::string joined(const std::vector<std::string>& words) {
-    std::string all;
-    for (const std::string& w : words) all += (all.empty() ? "" : ", ") + w;
-    return all;
 }
 
 void list_kinds() {

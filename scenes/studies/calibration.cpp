@@ -142,14 +142,14 @@ struct Fit {
 };
 
 /// Difference step of scaled parameters: residuals are smooth down to the solve's tolerance.
-constexpr double difference = 4e-3;
+constexpr double difference_step = 4e-3;
 
 /// Residual at u and its Jacobian, by differences towards the inside of the bounds.
 VectorXd linearise(Fit& fit, const VectorXd& u, MatrixXd& J) {
     std::vector<VectorXd> points{u};
     for (std::ptrdiff_t k = 0; k < u.size(); ++k) {
         points.push_back(u);
-        points.back()[k] += u[k] > 0.5 ? -difference : difference;
+        points.back()[k] += u[k] > 0.5 ? -difference_step : difference_step;
     }
     const auto r = fit.residuals_at(points);
     J.resize(r[0].size(), u.size());
