@@ -64,6 +64,7 @@ bool eventually(Condition condition) {
 /// Root of the checkout, and the program that was built from it. (Functions, so that no object depends on where the
 /// checkout lies.)
 std::string source_dir();
+inline const std::string scenes = source_dir() + "/scenes/";
 std::string program_path();  ///< or what the environment names: PALPATE_PROGRAM, a build with sanitizers
 
 /// Folder of real inputs, beside the checkout; empty where it is absent.

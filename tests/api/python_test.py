@@ -201,7 +201,7 @@ class Palpate(unittest.TestCase):
             file = pathlib.Path(folder) / "run.palpate"
             scene = pathlib.Path(folder) / "small.toml"
             scene.write_text(SMALL)
-            subprocess.run([PROGRAM, "run", scene, "--quiet", "--record", file, "--out", pathlib.Path(folder) / "out"], check=True)
+            subprocess.run([PROGRAM, "run", scene, "--quiet", "--no-picture", "--record", file, "--out", pathlib.Path(folder) / "out"], check=True)
             world, again = palpate.load(scene), palpate.replay(file)
             while again.replayed.done < again.replayed.steps:
                 again.step()

@@ -91,7 +91,7 @@ with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
     scene, recording = folder / "scene.toml", folder / "run.palpate"
     scene.write_text(SCENE)
-    stream = [json.loads(line) for line in run(PROGRAM, "run", scene, "--stream", "-", "--record", recording, "--out", folder / "out")]
+    stream = [json.loads(line) for line in run(PROGRAM, "run", scene, "--no-picture", "--stream", "-", "--record", recording, "--out", folder / "out")]
     results = {"the program's stream": [of_line(line) for line in stream]}
     results["its recording, replayed"] = stepped(palpate.replay(recording))
     results["Python"] = stepped(palpate.load(scene))

@@ -72,7 +72,7 @@ class Stream(unittest.TestCase):
         self.addCleanup(lambda: [STREAMS.pop().close() for _ in list(STREAMS)])
 
     def command(self, *arguments, duration="0.3"):
-        return [PROGRAM, "run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--duration", duration, "--threads", "1",
+        return [PROGRAM, "run", str(ROOT / "scenes/press.toml"), "--set", "dt_ms=1", "--no-picture", "--duration", duration, "--threads", "1",
                 "--out", str(self.folder), *arguments]  # fmt: skip
 
     def test_lines_say_what_the_results_say(self):
@@ -113,7 +113,7 @@ name = "index"
 elements = 120
 track = [ { t_s = 0, position_mm = [60, 0, 20] }, { t_s = 0.04, position_mm = [60, 0, 17] } ]
 """)
-        command = [PROGRAM, "run", str(scene), "--duration", "0.06", "--out", str(self.folder), "--stream", "-", "--stream-samples"]
+        command = [PROGRAM, "run", str(scene), "--no-picture", "--duration", "0.06", "--out", str(self.folder), "--stream", "-", "--stream-samples"]
         ran = subprocess.run(command, capture_output=True, text=True, timeout=60)
         self.assertEqual(0, ran.returncode, ran.stderr)
         lines = [json.loads(line) for line in ran.stdout.splitlines()]

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-DeviceModel device() { return find_kind("chinello-3rrs")->defaults(); }
+DeviceModel chinello() { return find_kind("chinello-3rrs")->defaults(); }
 
 /// Remembers what was sent; fails on request.
 class SpyDriver final : public Driver {
@@ -39,7 +39,7 @@ struct Bench {
     std::vector<Coordinates> sent;
     bool broken = false;
     ThimbleLoop loop;
-    Bench() { initialise(loop, device(), {}, std::make_unique<SpyDriver>(sent, broken)); }
+    Bench() { initialise(loop, chinello(), {}, std::make_unique<SpyDriver>(sent, broken)); }
     void publish(double time, double theta, bool valid = true) {
         const Coordinates w = Eigen::Vector3d(theta, 0, 0.024);
         loop.mailbox.publish({time, loop.model.kind->joints(loop.model, w).q, valid});
@@ -98,8 +98,8 @@ TEST(ForceMode, TheLoopPushesWithTheCommandsTorqueAndMovesGentlyWithoutOne) {
     EXPECT_EQ(bench.loop.status.mode, ThimbleMode::resting);
     EXPECT_EQ(spy.torques.back(), moving);
     ThimbleLoop simulated;
-    const Coordinates rest = device().kind->joints(device(), device().rest).q;
-    initialise(simulated, device(), {}, make_simulated_driver({}, rest));
+    const Coordinates rest = chinello().kind->joints(chinello(), chinello().rest).q;
+    initialise(simulated, chinello(), {}, make_simulated_driver({}, rest));
     EXPECT_TRUE(use_force_mode(simulated));
 }
 
@@ -327,12 +327,12 @@ TEST(ThimbleLoop, ParkingBringsTheRestPose) {
 
 TEST(ThimbleLoop, RefusesBadSettings) {
     ThimbleLoop loop;
-    EXPECT_THROW(initialise(loop, device(), {}, nullptr), std::invalid_argument);
+    EXPECT_THROW(initialise(loop, chinello(), {}, nullptr), std::invalid_argument);
     std::vector<Coordinates> sent;
     bool broken = false;
     ThimbleLoopSettings bad;
     bad.limits.velocity = NAN;
-    EXPECT_THROW(initialise(loop, device(), bad, std::make_unique<SpyDriver>(sent, broken)), std::invalid_argument);
+    EXPECT_THROW(initialise(loop, chinello(), bad, std::make_unique<SpyDriver>(sent, broken)), std::invalid_argument);
 }
 
 TEST(SimulatedServo, QuantisesDelaysAndSlews) {

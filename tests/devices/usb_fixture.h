@@ -59,7 +59,7 @@ class Usb : public ::testing::Test {
         return path.string();
     }
     std::string run_command(const std::string& file) const {
-        return program + " run " + file + " --arm --out " + (scratch.path / "results").string();
+        return program + " run " + file + " --arm --no-picture --out " + (scratch.path / "results").string();
     }
     /// A run that umockdev itself ended (it aborts where a board is unplugged between a request and its answer, or as
     /// the program ends) says nothing of the program, and is repeated.

@@ -65,7 +65,8 @@ TEST_F(Usb, TheDoctorAsksForNoBoardThatNobodyDrives) {
 }
 
 TEST_F(Usb, NothingMovesWithoutArming) {
-    const Outcome o = emulate(logged(), program + " run " + scene(1, 0.1) + " --out " + (scratch.path / "r").string());
+    const Outcome o =
+        emulate(logged(), program + " run " + scene(1, 0.1) + " --no-picture --out " + (scratch.path / "r").string());
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_SAYS(o, "thimbles are simulated; --arm moves the real ones");
     EXPECT_TRUE(log().empty());
@@ -140,7 +141,7 @@ TEST_F(Usb, AFolderThatIsNotThereIsMade) {
     std::string dry = text.str();
     dry.replace(dry.find("\"maestro\""), 9, "\"maestro-dry\"");
     std::ofstream(file) << dry;
-    const Outcome o = shell(program + " run " + file + " --arm --out " + folder.string());
+    const Outcome o = shell(program + " run " + file + " --arm --no-picture --out " + folder.string());
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_TRUE(std::filesystem::exists(folder / "maestro_00123456.csv"));
 }

@@ -5,16 +5,14 @@
 #include <map>
 #include <string>
 
+#include "tests/scenes/browser_page.h"
+
 namespace palpate::testing {
 
 bool browser_is_installed();
 
-struct BrowserWindow {
-    int width = 1280, height = 800;
-    bool dark = false;
-    std::filesystem::path screenshot{};  ///< empty: none is made
-};
-/// The document as it stands when its scripts have run.
+/// The body's tag, with its attributes, as it stands when the page's scripts have run. One browser serves all calls of
+/// a process: to start one, and to have it compile the page's shaders, takes three times as long as to show the page.
 std::string page_of(const std::string& url, const BrowserWindow& window = {});
 /// Opens a page and waits until its console has said a word, or an error; returns which, or all it has said where it
 /// does not come. There is no time but the clock's: a browser that draws in software on busy cores takes long.

@@ -19,30 +19,41 @@ namespace palpate::testing {
 namespace {
 
 /// Becomes a browser that reads what it is asked on 3 and answers on 4.
-[[noreturn]] void become_browser(int asked, int answers, const std::string& profile, const std::string& size) {
+[[noreturn]] void become_browser(int asked, int answers, const std::string& profile) {
     setpgid(0, 0);
     const int a = fcntl(asked, F_DUPFD, 10), b = fcntl(answers, F_DUPFD, 10), nothing = open("/dev/null", O_RDWR);
     dup2(a, 3), dup2(b, 4);
     for (const int standard : {0, 1, 2}) dup2(nothing, standard);
     execlp("chromium", "chromium", "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-           "--enable-unsafe-swiftshader", "--remote-debugging-pipe", profile.c_str(), size.c_str(), "about:blank",
-           nullptr);
+           "--enable-unsafe-swiftshader", "--remote-debugging-pipe", profile.c_str(), "about:blank", nullptr);
     _exit(127);
+}
+
+std::string from_base64(const std::string& coded) {
+    const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string out;
+    unsigned bits = 0, held = 0;
+    for (const char c : coded) {
+        const std::size_t digit = digits.find(c);
+        if (digit == std::string::npos) break;  // "=" fills the end
+        bits = bits << 6 | unsigned(digit), held += 6;
+        if (held >= 8) held -= 8, out += char(bits >> held & 255);
+    }
+    return out;
 }
 
 }  // namespace
 
-BrowserPage::BrowserPage(const std::string& url, int width, int height) {
+BrowserPage::BrowserPage() {
     char folder[] = "/tmp/palpate-browser-XXXXXX";
     if (!mkdtemp(folder)) throw std::runtime_error("no folder for a browser's profile");
     profile_ = folder;
     std::array<int, 2> asked{}, answers{};
     if (pipe2(asked.data(), O_CLOEXEC) != 0 || pipe2(answers.data(), O_CLOEXEC) != 0)
         throw std::runtime_error("no pipes");
-    const std::string profile = "--user-data-dir=" + profile_.string(),
-                      size = "--window-size=" + std::to_string(width) + "," + std::to_string(height);
+    const std::string profile = "--user-data-dir=" + profile_.string();
     process_ = fork();
-    if (process_ == 0) become_browser(asked[0], answers[1], profile, size);
+    if (process_ == 0) become_browser(asked[0], answers[1], profile);
     close(asked[0]), close(answers[1]);
     to_ = asked[1], from_ = answers[0];
     std::string target;
@@ -53,14 +64,37 @@ BrowserPage::BrowserPage(const std::string& url, int width, int height) {
     }
     session_ = call("Target.attachToTarget", {{"targetId", target}, {"flatten", true}})["sessionId"];
     call("Page.enable");
-    call("Emulation.setDeviceMetricsOverride",
-         {{"width", width}, {"height", height}, {"deviceScaleFactor", 1}, {"mobile", false}});
-    call("Page.navigate", {{"url", url}});
+    call("Runtime.enable");
+}
+
+BrowserPage::BrowserPage(const std::string& url, int width, int height) : BrowserPage() {
+    open(url, {width, height});
     for (int turn = 0; turn < 600; ++turn) {
-        if (run("document.body ? document.body.dataset.ready || '' : ''") == "1") return;
+        if (run("document.body.dataset.ready || ''") == "1") return;
         std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
     throw std::runtime_error("the page is not ready after a minute");
+}
+
+void BrowserPage::open(const std::string& url, const BrowserWindow& window) {
+    call("Page.navigate", {{"url", "about:blank"}});  // to the same page with another #, it would only scroll
+    while (run("location.href") != "about:blank") std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    call("Emulation.setDeviceMetricsOverride",
+         {{"width", window.width}, {"height", window.height}, {"deviceScaleFactor", 1}, {"mobile", false}});
+    call("Emulation.setEmulatedMedia",
+         {{"features", {{{"name", "prefers-color-scheme"}, {"value", window.dark ? "dark" : "light"}}}}});
+    said_.clear();
+    call("Page.navigate", {{"url", url}});
+    const auto begun = std::chrono::steady_clock::now();
+    while (run("location.href !== 'about:blank' && document.readyState") != "complete") {
+        if (std::chrono::steady_clock::now() - begun > std::chrono::minutes(3))
+            throw std::runtime_error("the page is not loaded after three minutes");
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    if (window.screenshot.empty()) return;
+    const std::string coded = call("Page.captureScreenshot")["data"];
+    std::ofstream file(window.screenshot, std::ios::binary);
+    file << from_base64(coded);
 }
 
 BrowserPage::~BrowserPage() {
@@ -73,13 +107,15 @@ BrowserPage::~BrowserPage() {
     }
 }
 
-nlohmann::json BrowserPage::read() {
+/// What the browser says next; null where nothing comes in time.
+nlohmann::json BrowserPage::read(int timeout_ms) {
     std::size_t end;
     while ((end = waiting_.find('\0')) == std::string::npos) {
         pollfd p{from_, POLLIN, 0};
         char buffer[65536];
-        const ssize_t n = poll(&p, 1, 120000) > 0 ? ::read(from_, buffer, sizeof buffer) : 0;
-        if (n <= 0) throw std::runtime_error("the browser does not answer");
+        if (poll(&p, 1, timeout_ms) <= 0) return {};
+        const ssize_t n = ::read(from_, buffer, sizeof buffer);
+        if (n <= 0) throw std::runtime_error("the browser is gone");
         waiting_.append(buffer, std::size_t(n));
     }
     nlohmann::json message = nlohmann::json::parse(waiting_.substr(0, end));
@@ -98,11 +134,40 @@ nlohmann::json BrowserPage::call(const std::string& method, const nlohmann::json
         at += std::size_t(n);
     }
     while (true) {
-        const nlohmann::json answer = read();
-        if (answer.value("id", 0) != number_) continue;  // it tells of something
+        const nlohmann::json answer = read(120'000);
+        if (answer.is_null()) throw std::runtime_error("the browser does not answer");
+        if (answer.value("id", 0) != number_) {  // it tells of something
+            keep_what_is_said(answer);
+            continue;
+        }
         if (answer.contains("error")) throw std::runtime_error(method + ": " + answer["error"].dump());
         return answer["result"];
     }
+}
+
+void BrowserPage::keep_what_is_said(const nlohmann::json& event) {
+    if (event.is_null()) return;
+    const std::string method = event.value("method", "");
+    if (method == "Runtime.exceptionThrown") said_.push_back(event["params"]["exceptionDetails"].dump());
+    if (method != "Runtime.consoleAPICalled") return;
+    std::string text;
+    for (const auto& part : event["params"]["args"]) text += part.contains("value") ? part["value"].dump() : "";
+    said_.push_back(text);
+}
+
+std::string BrowserPage::heard(const std::string& word, double seconds) {
+    const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    std::size_t looked_at = 0;
+    while (true) {
+        for (; looked_at < said_.size(); ++looked_at)
+            for (const std::string& mark : {word, std::string("Uncaught")})
+                if (said_[looked_at].find(mark) != std::string::npos) return mark;
+        if (std::chrono::steady_clock::now() > until) break;
+        keep_what_is_said(read(1000));
+    }
+    std::string all;
+    for (const std::string& text : said_) all += text + "\n";
+    return all;
 }
 
 nlohmann::json BrowserPage::run(const std::string& script) {

@@ -7,15 +7,26 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 namespace palpate::testing {
 
+/// How a page is looked at.
+struct BrowserWindow {
+    int width = 1280, height = 800;
+    bool dark = false;
+    std::filesystem::path screenshot{};  ///< empty: none is made
+};
+
 class BrowserPage {
   public:
-    BrowserPage(const std::string& url, int width, int height);
+    BrowserPage();
+    BrowserPage(const std::string& url, int width, int height);  ///< a page of palpate's, once it is ready
     ~BrowserPage();
     BrowserPage(const BrowserPage&) = delete;
     BrowserPage& operator=(const BrowserPage&) = delete;
+    /// Goes to a page, and returns when it has loaded and its scripts have run.
+    void open(const std::string& url, const BrowserWindow& window);
     /// A method of the protocol; its result. Throws std::runtime_error on an error, or where the browser is gone.
     nlohmann::json call(const std::string& method, const nlohmann::json& parameters = nlohmann::json::object());
     /// What a script comes to; of a promise, what it is kept with.
@@ -23,14 +34,19 @@ class BrowserPage {
     void move_to(double x, double y);
     void click(double x, double y);
     void press(const std::string& key, const std::string& code = "");
+    /// Waits until the console has said a word, or an error ("Uncaught"); returns which, or all it has said since the
+    /// page was opened where neither comes in time.
+    std::string heard(const std::string& word, double seconds);
     /// Processor time of the browser so far [s].
     double processor_s() const;
 
   private:
-    nlohmann::json read();
+    nlohmann::json read(int timeout_ms);
+    void keep_what_is_said(const nlohmann::json& event);
     pid_t process_ = 0;
     int to_ = -1, from_ = -1, number_ = 0;
     std::string session_, waiting_;
+    std::vector<std::string> said_;  ///< by the console
     std::filesystem::path profile_;
 };
 

@@ -377,7 +377,7 @@ TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     std::ofstream(scratch.path / "scene.toml")
         << "duration_s = 0.02\n[[object]]\nname = \"table\"\nposition_mm = [0, 0, -20]\n[[finger]]\nname = \"a\"\n"
            "finger = \"mine.toml\"\n";
-    const auto run = palpate_program("run " + at + "/scene.toml --quiet --out " + at + "/out");
+    const auto run = palpate_program("run " + at + "/scene.toml --quiet --no-picture --out " + at + "/out");
     EXPECT_EQ(run.code, 0) << run.out;
     EXPECT_EQ(palpate_program("indent toe").code, 2);
     EXPECT_EQ(palpate_program("indent index --finger-of-scene thumb").code, 2);

@@ -22,7 +22,7 @@ struct Reported {
         const std::string file = (scratch.path / "report.html").string();
         url = "file://" + file;
         EXPECT_EQ(std::system((testing::program_path() + " run " + testing::source_dir() + "/scenes/" + scene +
-                               ".toml --quiet --out " + out + " --report " + file + " " + options)
+                               ".toml --quiet --no-picture --out " + out + " --report " + file + " " + options)
                                   .c_str()),
                   0);
     }

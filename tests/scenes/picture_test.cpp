@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 /// Whether a ray meets a triangle, and how far away.
 bool meets(const Vector3d& from, const Vector3d& along, const Vector3d& a, const Vector3d& b, const Vector3d& c,

@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 /// A machine on which a step of a preset takes this long [s].
 int run_governor(Governor& g, const std::array<double, 4>& seconds, int steps) {

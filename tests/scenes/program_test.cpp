@@ -14,7 +14,7 @@ using testing::Outcome;
 using testing::palpate_program;
 using testing::ScratchFolder;
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 TEST(Program, RunWritesEverythingItPromises) {
     ScratchFolder scratch;
@@ -43,9 +43,9 @@ TEST(Program, RunWritesEverythingItPromises) {
 TEST(Program, TheSummarySaysWhatDetailWasLeftOut) {
     auto left_out = [](const std::string& settings) {
         ScratchFolder scratch;
-        const Outcome o =
-            palpate_program("run " + scenes + "hand.toml --json --duration 1.3 --set solver.sample_refinement=2" +
-                            settings + " --out " + scratch.path.string());
+        const Outcome o = palpate_program(
+            "run " + scenes + "hand.toml --json --no-picture --duration 1.3 --set solver.sample_refinement=2" +
+            settings + " --out " + scratch.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
         return nlohmann::json::parse(o.out)["left_out"];
     };
@@ -132,8 +132,9 @@ TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
 
 TEST(Program, InterruptedRunsEndInTheRestPoseWithResults) {
     ScratchFolder scratch;
-    const Outcome o = palpate_program("run " + scenes + "hand.toml --quiet --out " + (scratch.path / "out").string() +
-                                      " & pid=$!; sleep 0.8; kill -INT $pid; wait $pid; exit $?");
+    const Outcome o =
+        palpate_program("run " + scenes + "hand.toml --quiet --no-picture --out " + (scratch.path / "out").string() +
+                        " & pid=$!; sleep 0.8; kill -INT $pid; wait $pid; exit $?");
     EXPECT_EQ(o.code, 130) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "out" / "summary.json"));
 }
@@ -214,7 +215,7 @@ TEST(Program, ATrayFullOfCubesStaysOnItsTable) {
 
 TEST(Program, SaysWhatSlipsAndWhatIsDropped) {
     ScratchFolder scratch;
-    const Outcome o = palpate_program("run " + scenes + "egg.toml --set object.egg.friction=0.3 --out " +
+    const Outcome o = palpate_program("run " + scenes + "egg.toml --no-picture --set object.egg.friction=0.3 --out " +
                                       (scratch.path / "out").string());
     EXPECT_EQ(o.code, 0);
     EXPECT_NE(o.out.find("egg slipped through the fingers"), std::string::npos) << o.out;

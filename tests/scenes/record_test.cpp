@@ -16,9 +16,9 @@
 namespace palpate {
 namespace {
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
-int palpate_program(const std::string& arguments) {
+int exit_code_of(const std::string& arguments) {
     const int status = std::system((testing::program_path() + " " + arguments + " > /dev/null 2>&1").c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
@@ -38,13 +38,13 @@ void record(const std::filesystem::path& path, const std::string& scene, int ste
 TEST(Record, ReplayGivesTheSameBitsForAnyNumberOfThreads) {
     testing::ScratchFolder scratch;
     const std::string file = (scratch.path / "run.palpate").string(), out = (scratch.path / "out").string();
-    ASSERT_EQ(
-        palpate_program("run " + scenes + "hand.toml --duration 0.6 --threads 2 --out " + out + " --record " + file),
-        0);
-    EXPECT_EQ(palpate_program("replay " + file + " --threads 1"), 0);
-    EXPECT_EQ(palpate_program("replay " + file + " --threads 2 --out " + out + "2"), 0);
+    ASSERT_EQ(exit_code_of("run " + scenes + "hand.toml --duration 0.6 --threads 2 --no-picture --out " + out +
+                           " --record " + file),
+              0);
+    EXPECT_EQ(exit_code_of("replay " + file + " --threads 1"), 0);
+    EXPECT_EQ(exit_code_of("replay " + file + " --threads 2 --out " + out + "2"), 0);
     EXPECT_TRUE(std::filesystem::exists(out + "2/index.csv"));
-    EXPECT_EQ(palpate_program("replay " + file + " --extract " + out + ".toml"), 0);
+    EXPECT_EQ(exit_code_of("replay " + file + " --extract " + out + ".toml"), 0);
     EXPECT_EQ(std::filesystem::file_size(out + ".toml"), std::filesystem::file_size(scenes + "hand.toml"));
 }
 
@@ -52,7 +52,7 @@ TEST(Record, ConvertsToTablesAndPads) {
     testing::ScratchFolder scratch;
     const std::string file = (scratch.path / "run").string(), out = (scratch.path / "out").string();
     record(file, "press.toml", 80);
-    ASSERT_EQ(palpate_program("convert " + file + " --csv " + out + " --vtu " + out + "/pads --rate 20"), 0);
+    ASSERT_EQ(exit_code_of("convert " + file + " --csv " + out + " --vtu " + out + "/pads --rate 20"), 0);
     const RecordedRun run = read_recording(file).runs.at(0);
     std::ifstream in(out + "/fingers/index.csv");
     std::string line;
@@ -67,7 +67,7 @@ TEST(Record, ConvertsToTablesAndPads) {
     EXPECT_TRUE(std::filesystem::exists(out + "/objects/table.csv"));
     EXPECT_TRUE(std::filesystem::exists(out + "/pads/index.pvd"));
     EXPECT_TRUE(std::filesystem::exists(out + "/pads/index_0007.vtu"));
-    const int hdf5 = palpate_program("convert " + file + " --hdf5 " + out + ".h5");
+    const int hdf5 = exit_code_of("convert " + file + " --hdf5 " + out + ".h5");
     EXPECT_EQ(hdf5, has_hdf5() ? 0 : 2);
     if (has_hdf5()) {
         std::ifstream h5(out + ".h5", std::ios::binary);
@@ -79,8 +79,8 @@ TEST(Record, ConvertsToTablesAndPads) {
         for (const char* text : {"s,1,s,mm,mm,mm,1,1,1,1,N,N,N", "scene_text", "settings", "duration_s = "})
             EXPECT_NE(bytes.find(text), std::string::npos) << text;
     }
-    EXPECT_EQ(palpate_program("convert " + file), 2) << "to what?";
-    EXPECT_EQ(palpate_program("convert " + file + " --hdf5 /nowhere/x.h5"), 2);
+    EXPECT_EQ(exit_code_of("convert " + file), 2) << "to what?";
+    EXPECT_EQ(exit_code_of("convert " + file + " --hdf5 /nowhere/x.h5"), 2);
 }
 
 TEST(Record, SaysWhereARunComesOutOtherwise) {
@@ -101,11 +101,12 @@ TEST(Record, AChangedSceneIsNotReplayed) {
     const auto scene = scratch.path / "scene.toml";
     std::filesystem::copy_file(scenes + "press.toml", scene);
     const std::string file = (scratch.path / "run").string(), out = (scratch.path / "out").string();
-    ASSERT_EQ(palpate_program("run " + scene.string() + " --duration 0.1 --out " + out + " --record " + file), 0);
+    ASSERT_EQ(exit_code_of("run " + scene.string() + " --duration 0.1 --no-picture --out " + out + " --record " + file),
+              0);
     std::ofstream(scene, std::ios::app) << "\n# changed\n";
-    EXPECT_EQ(palpate_program("replay " + file), 2);
-    EXPECT_EQ(palpate_program("replay " + file + " --extract " + scene.string()), 0);
-    EXPECT_EQ(palpate_program("replay " + file), 0);
+    EXPECT_EQ(exit_code_of("replay " + file), 2);
+    EXPECT_EQ(exit_code_of("replay " + file + " --extract " + scene.string()), 0);
+    EXPECT_EQ(exit_code_of("replay " + file), 0);
 }
 
 TEST(Record, EverythingUpToTheLastCompleteFrameCanBeReadWhereverTheFileEnds) {
@@ -157,7 +158,7 @@ TEST(Record, NothingRecordedIsLostWhenTheProcessIsKilled) {
             _exit(4);
         }
         std::uintmax_t seen = 0;
-        for (int i = 0; i < 2000 && seen < 20'000; ++i, usleep(2'000))
+        for (int i = 0; i < 30'000 && seen < 20'000; ++i, usleep(2'000))
             if (std::filesystem::exists(file)) seen = std::filesystem::file_size(file);
         usleep(std::uniform_int_distribution<useconds_t>(0, 30'000)(random));
         kill(child, SIGKILL);

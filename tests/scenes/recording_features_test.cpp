@@ -20,7 +20,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 /// Bodies that are released one after the other (declared in another order), a mesh, a soft object, a script, a
 /// recorded hand, friction of pairs, limits, thimbles that match shapes and forces.
@@ -109,8 +109,9 @@ track = [ { t_s = 0, position_mm = [-98, 0, 8] }, { t_s = 0.3, position_mm = [-9
 /// Runs the program with --record, and kills it as soon as the file has `bytes` bytes; 0: lets it end.
 void record_and_kill(const fs::path& scene, const fs::path& file, const std::vector<std::string>& more,
                      std::uintmax_t bytes, useconds_t later) {
-    std::vector<std::string> words{"palpate",  "run",        scene.string(), "--quiet", "--out", file.string() + ".out",
-                                   "--record", file.string()};
+    std::vector<std::string> words{"palpate",      "run",   scene.string(),         "--quiet",
+                                   "--no-picture", "--out", file.string() + ".out", "--record",
+                                   file.string()};
     words.insert(words.end(), more.begin(), more.end());
     const pid_t child = fork();
     if (child == 0) {

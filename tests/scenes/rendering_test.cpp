@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 TEST(Roll, MethodsAgreeInsideTheWorkspaceAndConstrainedIsLowestBeyond) {
     Simulation s = make_simulation(load_scene(scenes + "roll.toml"), 2);

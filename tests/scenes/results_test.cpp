@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 std::vector<std::string> names_in(const fs::path& folder) {
     std::vector<std::string> out;
@@ -92,7 +92,8 @@ TEST(Results, WhatIsNotFinishedLeavesTheFolderAsItWas) {
 TEST(Results, AKilledRunLeavesItsTables) {
     testing::ScratchFolder scratch;
     const fs::path out = scratch.path / "out";
-    const std::string run = testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out.string();
+    const std::string run =
+        testing::program_path() + " run " + scenes + "press.toml --quiet --no-picture --out " + out.string();
     // Killed once some of every table of a run that would take far longer is there (steps.csv is written last).
     testing::shell(run + " --duration 3000 --set dt_ms=5 --set solver.preset=fast & p=$!; for i in $(seq 600); do " +
                    "[ $(cat " + out.string() + "/*/steps.csv | wc -l) -gt 200 ] && break; sleep 0.1; done; " +
@@ -106,8 +107,8 @@ TEST(Results, AKilledRunLeavesItsTables) {
     EXPECT_GT(std::count(table.begin(), table.end(), '\n'), 100);
     EXPECT_GT(std::count(steps.begin(), steps.end(), '\n'), 100);
     // The next one removes it, says so, and begins with the same rows.
-    const auto next = testing::shell(testing::program_path() + " run " + scenes + "press.toml --out " + out.string() +
-                                     " --duration 0.1 --set dt_ms=5 --set solver.preset=fast");
+    const auto next = testing::shell(testing::program_path() + " run " + scenes + "press.toml --no-picture --out " +
+                                     out.string() + " --duration 0.1 --set dt_ms=5 --set solver.preset=fast");
     EXPECT_EQ(next.code, 0);
     EXPECT_NE(next.out.find("removes what a run that was killed had left unfinished"), std::string::npos) << next.out;
     EXPECT_FALSE(fs::exists(left));
@@ -119,9 +120,10 @@ TEST(Results, AKilledRunLeavesItsTables) {
 TEST(Results, PlotsHoldForcesAreasPressuresJointsAndStepTimes) {
     testing::ScratchFolder scratch;
     const fs::path out = scratch.path / "out";
-    ASSERT_EQ(
-        testing::shell(testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out.string()).code,
-        0);
+    ASSERT_EQ(testing::shell(testing::program_path() + " run " + scenes + "press.toml --quiet --no-picture --out " +
+                             out.string())
+                  .code,
+              0);
     const std::string svg = read_file(out / "plots.svg");
     std::size_t at = 0;
     for (const char* title : {"Contact force", "force [N]", "Contact area", "area [mm2]", "Pressure peak",
@@ -151,9 +153,9 @@ TEST(Results, OfARunReplaceThoseOfAnotherScene) {
     testing::ScratchFolder scratch;
     const std::string out = (scratch.path / "out").string();
     const std::string thimble = scenes + "pinch.toml", press = scenes + "press.toml";
-    ASSERT_EQ(testing::palpate_program("run " + thimble + " --duration 0.02 --out " + out).code, 0);
+    ASSERT_EQ(testing::palpate_program("run " + thimble + " --duration 0.02 --no-picture --out " + out).code, 0);
     EXPECT_TRUE(fs::exists(out + "/thumb.csv"));
-    const auto second = testing::palpate_program("run " + press + " --duration 0.02 --out " + out);
+    const auto second = testing::palpate_program("run " + press + " --duration 0.02 --no-picture --out " + out);
     EXPECT_EQ(second.code, 0);
     EXPECT_NE(second.out.find("replaces the results that were there: removed"), std::string::npos) << second.out;
     EXPECT_FALSE(fs::exists(out + "/thumb.csv"));

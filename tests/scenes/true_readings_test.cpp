@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 const std::atomic<bool> stop{false};
 
 std::size_t column_of(const Series& s, const std::string& name) {

@@ -34,7 +34,7 @@ namespace {
 using testing::attribute, testing::browser_is_installed, testing::column_by_ms, testing::page_of,
     testing::what_a_browser_says;
 
-const std::string scenes = testing::source_dir() + "/scenes/";
+using testing::scenes;
 
 float float_at(const std::vector<std::uint8_t>& bytes, std::size_t at) {
     float v;
@@ -167,9 +167,9 @@ std::vector<std::pair<double, double>> curve_of(const std::string& svg, const st
 TEST(Report, IsOneFileThatABrowserPlays) {
     testing::ScratchFolder scratch;
     const std::string file = (scratch.path / "report.html").string(), out = (scratch.path / "out").string();
-    ASSERT_EQ(std::system(
-                  (testing::program_path() + " run " + scenes + "press.toml --quiet --out " + out + " --report " + file)
-                      .c_str()),
+    ASSERT_EQ(std::system((testing::program_path() + " run " + scenes + "press.toml --quiet --no-picture --out " + out +
+                           " --report " + file)
+                              .c_str()),
               0);
     std::ifstream in(file);
     std::stringstream text;
