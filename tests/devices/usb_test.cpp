@@ -197,7 +197,8 @@ TEST_F(Usb, ABoardThatHangsSlowsNoStep) {
 TEST_F(Usb, FiveFingersOnOneBoardMoveSafelyAndEndAtRest) {
     const char* asked = std::getenv("PALPATE_AGE_SECONDS");
     const std::string file = asked ? scene(5, std::atof(asked), calibrated, 0.5) : scene(5, 1.5);
-    const Outcome o = emulate("--prompt 1" + logged(), run_command(file) + " --set dt_ms=1");
+    const std::string prompt = asked ? "--prompt 1 --one-cpu 1" : "--prompt 1";
+    const Outcome o = emulate(prompt + logged(), run_command(file) + " --set dt_ms=1");
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_SAYS(o, "0 failures, opened 1 times");
     EXPECT_SAYS(o, " 0 faults");
