@@ -58,6 +58,7 @@ class CompactLink final : public BoardLink {
         byte_takes_ = is_usb_all_the_way(settings_.port) ? 0 : 10.0 / baud;
         told_.fill(no_pulse);
         doubtful_ = false;
+        refuse_echo();
         for (int c : settings_.channels) positions[std::size_t(c)] = ask(compact::get_position(c));
         if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
         ask(compact::get_errors());  // of what was before
@@ -102,6 +103,21 @@ class CompactLink final : public BoardLink {
   private:
     inline static const LinkProblem bitten{"the Maestro's watchdog has bitten: its servos went home", true,
                                            FaultKind::watchdog};
+    /// What comes back of a question would pass for the answer to it: a place, or errors.
+    void refuse_echo() {
+        line_.discard();
+        const Bytes request = compact::get_errors();
+        if (const auto problem = line_.write(request)) throw std::runtime_error(settings_.port + ": " + problem.text);
+        Bytes all;
+        for (const auto end = Clock::now() + milliseconds(60); all.size() < 3 && Clock::now() < end;) {
+            const Bytes more = line_.read(Clock::now() + milliseconds(20));
+            if (more.empty() && !all.empty()) break;
+            all.insert(all.end(), more.begin(), more.end());
+        }
+        if (all.size() != 2 && !all.empty() && all[0] == request[0])
+            throw std::runtime_error(settings_.port +
+                                     ": what is said comes back: an adapter that echoes, or its two lines are joined");
+    }
     void take_what_is_late() {
         for (const auto end = Clock::now() + milliseconds(40); Clock::now() < end;)
             if (line_.read(Clock::now() + milliseconds(15)).empty()) return;

@@ -153,12 +153,12 @@ Bytes write_all(int address, int size, std::span<const ChannelTarget> values) {
         p.push_back(std::uint8_t(v.channel));
         append(p, v.value, size);
     }
-    return instruction(0xFE, 0x83, p);
+    return instruction(broadcast, 0x83, p);
 }
 Bytes read_all(int address, int size, std::span<const int> ids) {
     Bytes p{std::uint8_t(address), std::uint8_t(size)};
     for (int id : ids) p.push_back(std::uint8_t(id));
-    return instruction(0xFE, 0x82, p);
+    return instruction(broadcast, 0x82, p);
 }
 
 Bytes write_targets(std::span<const ChannelTarget> targets) { return write_all(goal_position, 2, targets); }
@@ -199,7 +199,7 @@ std::size_t encode_targets(SerialProtocol protocol, std::span<const ChannelTarge
     if (protocol == SerialProtocol::maestro_compact) {
         for (const auto& [c, v] : targets) p.put({0x84, c, v & 0x7f, v >> 7 & 0x7f});
     } else if (protocol == SerialProtocol::feetech) {
-        p.put({0xFF, 0xFF, 0xFE, 4 + 3 * count, 0x83, feetech::goal_position, 2});
+        p.put({0xFF, 0xFF, feetech::broadcast, 4 + 3 * count, 0x83, feetech::goal_position, 2});
         for (const auto& [c, v] : targets) p.put({c, v, v >> 8});
         int sum = 0;
         for (std::size_t i = 2; i < p.size; ++i) sum += out[i];
@@ -287,6 +287,10 @@ std::optional<StatusPacket> StatusReader::next_feetech() {
         }
         StatusPacket p{buffer_[2], buffer_[4], Bytes(buffer_.begin() + 5, buffer_.begin() + std::ptrdiff_t(whole) - 1)};
         buffer_.erase(buffer_.begin(), buffer_.begin() + std::ptrdiff_t(whole));
+        if (p.id == feetech::broadcast) {  // no servo's: an adapter that echoes sends back what it was told
+            discarded += std::int64_t(whole);
+            continue;
+        }
         return p;
     }
 }

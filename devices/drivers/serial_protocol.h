@@ -47,6 +47,7 @@ LinkProblem problem_of(int id, int error, int hardware);
 }  // namespace dynamixel
 
 namespace feetech {
+inline constexpr std::uint8_t broadcast = 0xFE;
 inline constexpr int torque_enable = 40, acceleration = 41, goal_position = 42, goal_speed = 46, torque_limit = 48,
                      present_position = 56;
 Bytes instruction(std::uint8_t id, std::uint8_t what, std::span<const std::uint8_t> parameters);

@@ -235,6 +235,32 @@ TEST_P(SerialBuses, SilenceAtTheStartIsAProblem) {
     EXPECT_THROW(Board board(make_serial_bus(settings)), std::runtime_error);
 }
 
+/// On one wire whoever speaks hears it, too, and adapters send it back. That is no answer: of bus servos it can be told
+/// from one; of a Maestro it would be taken for where a servo is, or for errors.
+TEST_P(SerialBuses, WhatIsSaidAndComesBackIsNoAnswer) {
+    ServoBusEmulator bus(GetParam(), {1, 2});
+    bus.echoes = true;
+    const SerialBusSettings settings = settings_for(GetParam(), bus, {1, 2});
+    if (GetParam() == SerialProtocol::maestro_compact) {
+        for (const bool joined : {false, true}) {  // and nobody else is there
+            bus.silent = joined;
+            std::array<WireValue, max_channels> positions{};
+            const std::string problem = make_serial_bus(settings)->open(positions);
+            EXPECT_NE(problem.find("what is said comes back"), std::string::npos) << problem;
+            EXPECT_EQ(positions[1], no_pulse);
+        }
+        return;
+    }
+    Board board(make_serial_bus(settings));
+    EXPECT_EQ(board.position(2), 2000);
+    board.limit(2, {1000, 3000, 1e9});
+    board.set(2, 2040);
+    board.wake();
+    EXPECT_TRUE(eventually([&] { return board.position(2) == 2040; })) << board.status().problem;
+    EXPECT_EQ(board.state(), BoardState::active) << board.status().problem;
+    EXPECT_EQ(bus.unknown_ids, 0);
+}
+
 TEST_P(SerialBuses, OnePortHasOneDriver) {
     ServoBusEmulator bus(GetParam(), {1});
     const SerialBusSettings settings = settings_for(GetParam(), bus, {1});

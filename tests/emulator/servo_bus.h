@@ -48,6 +48,7 @@ class ServoBusEmulator {
 
     // What is wrong with the servos; set at any time.
     std::atomic<bool> silent{false};                       ///< nobody answers
+    std::atomic<bool> echoes{false};                       ///< whoever speaks hears it, too, as on one wire
     std::atomic<bool> stubborn{false};                     ///< operating modes cannot be changed
     std::atomic<bool> forgets_watchdog{false};             ///< watchdogs cannot be set
     std::atomic<bool> bites{false};                        ///< watchdogs bite where they hear nothing
@@ -120,6 +121,8 @@ class ServoBusEmulator {
             if (!ready) continue;
             std::uint8_t bytes[256];
             const auto n = ::read(master_, bytes, sizeof bytes);
+            if (n > 0 && echoes) [[maybe_unused]]
+                const auto echoed = ::write(master_, bytes, std::size_t(n));
             if (n > 0) in.insert(in.end(), bytes, bytes + n);
             while (protocol_ == SerialProtocol::maestro_compact ? take_compact(in) : take_packet(in)) {}
         }
