@@ -120,6 +120,9 @@ std::pair<BoardInfo, Handle> open_board(Context& context, const std::string& ser
     const std::string wanted = serial.empty() ? "a Maestro" : "the Maestro " + serial;
     if (fitting == 0)
         throw std::runtime_error(wanted + " was not found; on USB: " + (others.empty() ? "none" : others) + problems);
+    if (fitting > 1 && !serial.empty())
+        throw std::runtime_error("several Maestros have the serial number " + serial +
+                                 ", and nothing else tells which is which: leave one of them plugged in");
     if (fitting > 1)
         throw std::runtime_error("several Maestros are on USB (" + others +
                                  "); say which by serial = \"...\" in the device");

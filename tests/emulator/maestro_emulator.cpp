@@ -3,7 +3,8 @@
 //
 //   maestro-emulator [--boards N] [--channels N] [--watchdog MS] [--bites 1] [--home N] [--at N] [--log FILE]
 //                    [--fault KIND@TRANSFER]... [--random-faults SEED] [--replug-ms MS] [--prompt 1]
-//                    [--keeps-speed 0] [--slow-ms MS] [--another 1] [--one-cpu 1] -- COMMAND...
+//                    [--keeps-speed 0] [--slow-ms MS] [--another 1] [--swap 1] [--same 1]
+//                    [--one-cpu 1] -- COMMAND...
 //
 // KIND: stall, timeout, partial (timeout with half the data), mute (obeyed, but nothing says so), short, long, errors
 // (once), sticky (an error from then on), deaf (channel 1 refuses from then on), bite (the watchdog has bitten), unread
@@ -11,7 +12,8 @@
 // cleared), hang (never given back), unplug. With --bites 1 the watchdog bites by itself, where the board hears
 // nothing. --at N [quarter us]: what servos were told before. --prompt 1: boards are served before other work.
 // --keeps-speed 0: speed limits are taken, and read back as none. --slow-ms: so long each target takes. --another 1:
-// what is plugged in again is another board. --one-cpu 1: boards and command share a processor, so that a transfer
+// what is plugged in again is another board. --swap 1: of two boards that are plugged in again, each is where the other
+// was. --same 1: all have one serial number. --one-cpu 1: boards and command share a processor, so that a transfer
 // takes what a bus takes (0.14 ms), and not what it takes to wake one processor from another four times (0.5 ms).
 // Boards come and go with udev's events. The log is what wire_log.h reads. Exits as the command does.
 
@@ -45,7 +47,8 @@ using Clock = std::chrono::steady_clock;
 
 struct Options {
     int boards = 1, channels = 18, watchdog_ms = 200, replug_ms = 300, home = 0, at = 0, slow_ms = 0;
-    bool bites = false, prompt = false, keeps_speed = true, another = false, one_cpu = false;
+    bool bites = false, prompt = false, keeps_speed = true, another = false, one_cpu = false, swap = false,
+         same = false;
     std::string log;
     std::map<long, std::string> faults;  ///< by number of the transfer
     std::vector<char*> command;
@@ -116,8 +119,12 @@ std::string description(const Board& b) {
 
 std::vector<std::uint8_t> string_descriptor(const Board& b, int index) {
     if (index == 0) return {4, 3, 0x09, 0x04};
-    const int swapped = b.bus->options.another && b.plugged > 1 ? 100 : 0;
-    const std::string text = index == 3 ? serial_of(b.number + swapped) : index == 2 ? "Maestro" : "Pololu";
+    const Options& o = b.bus->options;
+    const int number = (o.same                    ? 0
+                        : o.swap && b.plugged > 1 ? 1 - b.number
+                                                  : b.number) +
+                       (o.another && b.plugged > 1 ? 100 : 0);
+    const std::string text = index == 3 ? serial_of(number) : index == 2 ? "Maestro" : "Pololu";
     std::vector<std::uint8_t> out{std::uint8_t(2 + 2 * text.size()), 3};
     for (char c : text) out.push_back(std::uint8_t(c)), out.push_back(0);
     return out;
@@ -330,6 +337,10 @@ bool parse(int argc, char** argv, Options& o) {
             o.slow_ms = std::atoi(value.c_str());
         else if (arg == "--another")
             o.another = value != "0";
+        else if (arg == "--swap")
+            o.swap = value != "0";
+        else if (arg == "--same")
+            o.same = value != "0";
         else if (arg == "--one-cpu")
             o.one_cpu = value != "0";
         else if (arg == "--replug-ms")

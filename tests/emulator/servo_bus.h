@@ -106,6 +106,7 @@ class ServoBusEmulator {
         }
     }
     void serve() {
+        play_a_controller();
         Bytes in;
         for (auto last = Clock::now(); !stop_;) {
             const auto now = Clock::now();
