@@ -85,6 +85,21 @@ TEST_F(Boards, WhereOneIsUnpluggedTheOthersGoOn) {
     EXPECT_EQ(o.out.find(other + " is not known"), std::string::npos) << o.out;
 }
 
+/// USB never gives back what was sent to it.
+TEST_F(Boards, WhereOneHangsTheOthersGoOn) {
+    const Outcome o =
+        emulate("--boards 2 --fault hang@200" + logged(), run_command(seated({maestro(first), maestro(second)}, 3)));
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_SAYS(o, " 1 faults");
+    for (const int board : {0, 1}) {
+        expect_safe(of_board(board));
+        const std::string name = "f" + std::to_string(board);
+        if (o.out.find(name + " is not known") == std::string::npos) expect_at_rest(of_board(board), 3);
+    }
+    EXPECT_NE(o.out.find("f0 is not known") == std::string::npos, o.out.find("f1 is not known") == std::string::npos)
+        << o.out;
+}
+
 /// A person unplugs both, and takes the wrong socket for each: a finger's thimble is the one with its serial number.
 TEST_F(Boards, WhoeverIsPluggedInElsewhereIsKnownByItsSerialNumber) {
     std::ofstream(scratch.path / "go.sh")

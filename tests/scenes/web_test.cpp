@@ -3,6 +3,7 @@
 #include "scenes/web/server.h"
 
 #include <arpa/inet.h>
+#include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -148,6 +149,13 @@ std::string get(int port, const std::string& target, const std::string& fields =
     return answer;
 }
 
+/// The other side has ended it, now or within so many milliseconds.
+bool is_ended(int s, int ms) {
+    pollfd p{s, POLLIN, 0};
+    char byte;
+    return ::poll(&p, 1, ms) > 0 && ::read(s, &byte, 1) <= 0;
+}
+
 TEST(ViewServer, SlowConnectionsKeepNobodyOut) {
     ViewServer server(0, false);
     server.set_page("<p>hello</p>");
@@ -158,7 +166,20 @@ TEST(ViewServer, SlowConnectionsKeepNobodyOut) {
             const auto n = write(slow.back(), "GET / HT", 8);
     }
     EXPECT_NE(get(server.port(), "/?token=" + server.token()).find("<p>hello</p>"), std::string::npos);
+    // The oldest had to go: so many are kept, however many come.
+    const auto kept = std::count_if(slow.begin(), slow.end(), [](int s) { return !is_ended(s, 0); });
+    EXPECT_LE(kept, std::ptrdiff_t(WebLimits{}.connections));
     for (const int s : slow) close(s);
+}
+
+TEST(ViewServer, WhoeverDoesNotAskInTimeIsSentAway) {
+    ViewServer server(0, false);
+    const int silent = connect_to(server.port()), slow = connect_to(server.port());
+    ASSERT_EQ(write(slow, "GET / HT", 8), 8);
+    constexpr int patience_ms = 60'000;  // 2 s are asked for; without an end it would be for ever
+    EXPECT_TRUE(is_ended(silent, patience_ms));
+    EXPECT_TRUE(is_ended(slow, patience_ms));
+    for (const int s : {silent, slow}) close(s);
 }
 
 TEST(ViewServer, WithoutItsTokenItShowsNothing) {
