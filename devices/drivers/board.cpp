@@ -268,6 +268,7 @@ void Board::write_changed() {
     if (seized_) return;  // whoever seizes sees either this write, or none
     const LinkProblem problem = link_->write(targets, std::span(transfers).first(count));
     const double end = device_clock();
+    told_at_ = end;  // before anybody can see that it arrived
     bool given_up = false;
     for (std::size_t i = 0; i < count; ++i) {
         note_write(targets[i], transfers[i], began, end);
@@ -323,6 +324,7 @@ void Board::feed() {
         unheard_ = false;
         feed_watch_.good();
         last_word_ = began;
+        heard_at_ = began;
     }
     if (link_->measures && (state() == BoardState::active || state() == BoardState::inactive)) read_positions(began);
 }

@@ -56,6 +56,8 @@ class Board {
     WireValue position(int channel) const { return position_[std::size_t(channel)].load(std::memory_order_acquire); }
     /// What was sent last, and surely arrived; no_pulse if there is no such value.
     WireValue arrived(int channel) const { return sent_[std::size_t(channel)].load(std::memory_order_acquire); }
+    /// It was asked how it is since it was told something last, and all was well.
+    bool well_since_told() const { return heard_at_ >= told_at_; }
     bool measures() const { return link_->measures; }
     BoardState state() const { return state_.load(std::memory_order_acquire); }
     /// Takes a controller that has come back after a fault into service; false if it is not there.
@@ -125,6 +127,7 @@ class Board {
     bool unheard_ = false;                   ///< how it is was asked, and got no good answer
     double moving_since_ = 0;                ///< when the first value after activation was sent; 0: none was [s]
     double caught_up_since_ = 0, last_word_ = 0, next_feed_ = 0, next_open_ = 0;
+    std::atomic<double> told_at_{0}, heard_at_{0};             ///< a write's end, a good answer's question [s]
     double woken_at_ = 0, wakes_every_ = 0, write_takes_ = 0;  ///< the rhythm of ticks, and of what they send [s]
     LatencyHistogram latency_;
     mutable std::mutex problem_mutex_;

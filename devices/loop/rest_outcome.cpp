@@ -33,6 +33,12 @@ RestOutcome rest_outcome(const ThimbleLoop& loop, const Board& board, const std:
     };
     if (!everywhere([&](int c, const ServoCalibration&, WireValue rest) { return board.arrived(c) == rest; }))
         return {false, controller + " did not confirm it"};
+    // A watchdog may have bitten since it was asked last, as with the last word.
+    for (int k = 0; k < 50 && board.state() == BoardState::active && !board.well_since_told(); ++k)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    if (const BoardStatus b = board.status(); b.state != BoardState::active)
+        return {false, controller + ": " + last_fault(b)};
+    if (!board.well_since_told()) return {false, controller + " did not confirm it"};
     if (!board.measures()) return {true, "as the controllers have taken it; hobby servos do not tell where they are"};
     auto measured = [&](int c, const ServoCalibration& servo, WireValue rest) {
         const double bound = measured_at_rest * std::abs(servo.units_per_rad) * board.steps_per_unit();

@@ -25,6 +25,7 @@ struct FakeState {
     /// Answers to writes are lost, so often; what was written arrives all the same, or does not.
     std::atomic<int> lost_arrive{0}, lost_vanish{0};
     std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
+    std::atomic<bool> bites_when_told{false}, bitten{false};  ///< its watchdog, as a target arrives
     std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
     std::atomic<int> shaft{0};  ///< where servo 0 is, as measured; 0: nobody measures
 };
@@ -48,6 +49,7 @@ class FakeLink final : public BoardLink {
         if (state_.refuse) return {"refused", false, FaultKind::refused};
         const std::lock_guard lock(state_.mutex);
         state_.calls += 'w';
+        state_.bitten = state_.bites_when_told.load();
         state_.counts.push_back(targets.size());
         LinkProblem problem;
         for (std::size_t i = 0; i < targets.size(); ++i) {
@@ -83,6 +85,7 @@ class FakeLink final : public BoardLink {
             const std::lock_guard lock(state_.mutex);
             state_.calls += state_.complain ? 'x' : delay_ms > 0 ? 'F' : 'f';
         }
+        if (state_.bitten) return {"its watchdog has bitten", true, FaultKind::watchdog};
         if (state_.complain) return {"reports errors", false, FaultKind::reported};
         return state_.vanish ? LinkProblem{"gone", true, FaultKind::unplugged} : LinkProblem{};
     }

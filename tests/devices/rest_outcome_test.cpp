@@ -53,6 +53,16 @@ TEST(RestOutcomes, OnlyWhatWasConfirmedIsSaid) {
     EXPECT_NE(r.outcome().how.find("unplugged: gone"), std::string::npos) << r.outcome().how;
 }
 
+/// What arrived last may have been followed by a bite of which nobody has been told yet.
+TEST(RestOutcomes, ABoardIsAskedOnceMoreAfterTheLastWord) {
+    FakeState state;
+    Rested r(state);
+    state.bites_when_told = true;
+    r.told();
+    EXPECT_FALSE(r.outcome().confirmed);
+    EXPECT_NE(r.outcome().how.find("watchdog: its watchdog has bitten"), std::string::npos) << r.outcome().how;
+}
+
 TEST(RestOutcomes, AMeasuredShaftThatIsElsewhereIsNotAtRest) {
     FakeState state;
     state.shaft = 5000;
