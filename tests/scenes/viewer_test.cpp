@@ -377,8 +377,9 @@ TEST(View, ShowsARunThatObeys) {
     const pid_t child = fork();
     if (child == 0) {
         if (!freopen(log.c_str(), "w", stdout)) _exit(3);
+        // Long enough that it does not begin again before what is sent has come.
         execl(testing::program_path().c_str(), "palpate", "view", (scenes + "press.toml").c_str(), "--port", "0",
-              nullptr);
+              "--set", "duration_s=60", nullptr);
         _exit(4);
     }
     int port = 0;
