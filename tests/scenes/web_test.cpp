@@ -309,7 +309,9 @@ TEST(Ultraleap, AnEndlessMessageTakesNoMemory) {
         accept_key(head->field("sec-websocket-key")) + "\r\n\r\n";
     Bytes out(answer.begin(), answer.end());
     const int before = peak_memory(true);
-    append_message(out, Opcode::text, bytes_of("{\"hands\":[" + std::string(20'000'000, '[')));
+    std::string endless = "{\"hands\":[";
+    endless.resize(20'000'000, '[');
+    append_message(out, Opcode::text, bytes_of(endless));
     std::thread sender([&] {
         for (std::size_t at = 0; at < out.size();) {
             const ssize_t n = ::send(c, out.data() + at, std::min<std::size_t>(out.size() - at, 65536), MSG_NOSIGNAL);
