@@ -96,7 +96,7 @@ void prepare_bodies(World& world) {
     const std::size_t objects = world.shapes.size(), bodies = world.bodies.size();
     const std::size_t chunks = std::size_t(world.chunks.count());
     if (bodies == 0) return;
-    for (const RigidShape& shape : world.shapes) {
+    for (const VirtualObject& shape : world.shapes) {
         s.features.push_back(features_of(shape.shape));
         double reach = shape.shape.kind == ShapeKind::plane ? 1e9 : 0;
         for (const Feature& f : s.features.back()) {
@@ -112,7 +112,7 @@ void prepare_bodies(World& world) {
     s.wanted_pairs.assign(objects, 0);
     for (std::size_t a = 0; a < objects; ++a)
         for (std::size_t b = 0; b < objects; ++b) {
-            const RigidShape &of_a = world.shapes[a], &of_b = world.shapes[b];
+            const VirtualObject &of_a = world.shapes[a], &of_b = world.shapes[b];
             if (a == b || (of_a.body < 0 && of_b.body < 0)) continue;
             const double away = surface_point(of_b.shape, of_b.pose, of_a.pose.position).distance;
             s.wanted_pairs[a] += away < s.reach[a] + 1e-3;
@@ -320,7 +320,7 @@ World build_world(const SceneSpec& spec) {
     }
     for (const ObjectSpec& o : spec.objects) {
         const EntityId object = world.objects.create();
-        RigidShape& shape = world.shapes.add(object, {o.name, o.shape, o.pose, o.pose, o.friction});
+        VirtualObject& shape = world.shapes.add(object, {o.name, o.shape, o.pose, o.pose, o.friction});
         shape.mesh = o.mesh;
         shape.shape.mesh = o.mesh.get();
         shape.stiffness = o.stiffness;
@@ -333,7 +333,7 @@ World build_world(const SceneSpec& spec) {
     prepare_finger_pairs(spec, world.finger_pairs);
     add_soft_objects(spec, world);
     prepare_bodies(world);
-    for (RigidShape& shape : world.shapes)
+    for (VirtualObject& shape : world.shapes)
         if (shape.body >= 0 && world.bodies[shape.body].release > 0) {
             std::swap(shape.body, shape.held_body);
             world.bodies[shape.held_body].asleep = true;

@@ -15,25 +15,25 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
             Table<Coupling>& couplings, SkinChunks& chunks);
 
 /// Holds the fixed part of soft objects at their objects' poses: writes the bone springs of their lanes.
-void hold_soft_objects(const Table<RigidShape>& shapes, const SolverSettings& solver, SoftObjects& soft,
+void hold_soft_objects(const Table<VirtualObject>& shapes, const SolverSettings& solver, SoftObjects& soft,
                        SkinChunks& chunks);
 
 /// Lets go of bodies whose release has come, and guesses for detect_contacts where bodies would coast to.
-void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies);
+void begin_bodies(const SolverSettings& solver, double time, Table<VirtualObject>& shapes, Table<RigidBody>& bodies);
 
 /// Gives each finger the objects near it, as many as there are. Returns how often that took more memory than there was:
 /// the only allocation in a step that the engine makes itself, once for each further object that is near a finger at
 /// the same time.
-int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+int detect_contacts(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                     SkinChunks& chunks);
 
 /// Finds the fingers near each other, and gives each the planes between it and others (finger_pairs.h). Returns how
 /// often that took more memory than there was: where fingers come near each other for the first time, and as above.
-int detect_finger_pairs(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const Table<Skin>& skins,
+int detect_finger_pairs(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const Table<Skin>& skins,
                         const SolverSettings& solver, BodySolve& solve, FingerPairs& pairs, SkinChunks& chunks);
 
 /// Finds which samples of which fingers may touch which faces of soft objects (soft_objects.h). Allocates nothing.
-void detect_soft_contacts(const Table<RigidShape>& shapes, const Table<Skin>& skins, const SolverSettings& solver,
+void detect_soft_contacts(const Table<VirtualObject>& shapes, const Table<Skin>& skins, const SolverSettings& solver,
                           SoftObjects& soft, SkinChunks& chunks);
 
 /// Wakes the fingers that an object has come near to, or whose target moves, and chooses what the solve leaves out of
@@ -51,7 +51,7 @@ void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chu
 /// other: bones, skin, bodies and the planes between fingers in one solve.
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   const std::vector<PairFriction>& pair_frictions, double time, const Table<Skin>& skins,
-                  Threads& threads, Table<RigidShape>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
+                  Threads& threads, Table<VirtualObject>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
                   SoftObjects& soft, BodySolve& solve, SkinChunks& chunks);
 
 /// Reads touching samples, forces and area of each finger, and each soft object, from its lane. Says in its status
@@ -70,6 +70,6 @@ void publish(const Table<TrackerPose>& trackers, const Table<Coupling>& coupling
              double time, double dt, double sampled_at, Table<DeviceLink>& links);
 
 /// Poses of objects at the end of this step become those at the beginning of the next.
-void end_objects(Table<RigidShape>& shapes);
+void end_objects(Table<VirtualObject>& shapes);
 
 }  // namespace palpate

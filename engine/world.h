@@ -102,7 +102,7 @@ struct ContactSurface {
 };
 
 /// Object: shape, pose and friction. Fixed, moved by a script before the step, or by its body in the step.
-struct RigidShape {
+struct VirtualObject {
     std::string name;
     Shape shape;
     Pose<double> pose = Pose<double>::identity();      ///< at the end of this step
@@ -212,7 +212,7 @@ struct World {
     Table<Coupling> couplings;               ///< per finger
     Table<Skin> skins;                       ///< per finger, same rows as couplings and contact_surfaces
     Table<ContactSurface> contact_surfaces;  ///< per finger
-    Table<RigidShape> shapes;                ///< per object
+    Table<VirtualObject> shapes;                ///< per object
     Table<RigidBody> bodies;                 ///< per object that forces move
     Vec3<double> gravity{0, 0, -9.81};       ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "engine/bodies/body_contact.h"
-#include "engine/skin/solve/progress.h"
+#include "engine/skin/solve/lane_progress.h"
 
 namespace palpate {
 

@@ -91,7 +91,7 @@ void brake_gains(BodyWork& w) {
     if (!w.solver.inertia) return;
     bool any = false;
     auto for_each_gaining = [&](auto visit) {
-        for (const RigidShape& shape : w.shapes) {
+        for (const VirtualObject& shape : w.shapes) {
             if (shape.body < 0) continue;
             RigidBody& body = w.bodies[std::size_t(shape.body)];
             // Where a solve ends early, nothing may push any more what it has thrown.

@@ -132,7 +132,7 @@ void couple(const Table<TrackerPose>& trackers, const SolverSettings& solver, co
     }
 }
 
-void hold_soft_objects(const Table<RigidShape>& shapes, const SolverSettings& solver, SoftObjects& soft,
+void hold_soft_objects(const Table<VirtualObject>& shapes, const SolverSettings& solver, SoftObjects& soft,
                        SkinChunks& chunks) {
     for (SoftObject& o : soft.all) {
         Coupling& c = o.hold;

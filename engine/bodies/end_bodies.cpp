@@ -6,6 +6,7 @@
 #include "engine/bodies/islands.h"
 #include "engine/contact/fitted.h"
 #include "engine/skin/chunks/level_of_detail.h"
+#include "engine/skin/solve/progress.h"
 #include "engine/systems.h"
 
 namespace palpate {
@@ -175,7 +176,7 @@ void end_lanes(Work& w) {
 
 void end_bodies(Work& w) {
     for (std::size_t object = 0; object < w.shapes.size(); ++object) {
-        RigidShape& shape = w.shapes[object];
+        VirtualObject& shape = w.shapes[object];
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[shape.body];
         BodyProgress& b = w.s.bodies[shape.body];
@@ -251,8 +252,8 @@ void end_body_step(BodyWork& w) {
     put_to_sleep(w);
 }
 
-void end_objects(Table<RigidShape>& shapes) {
-    for (RigidShape& shape : shapes) shape.previous = shape.pose;
+void end_objects(Table<VirtualObject>& shapes) {
+    for (VirtualObject& shape : shapes) shape.previous = shape.pose;
 }
 
 }  // namespace palpate

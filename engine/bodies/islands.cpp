@@ -17,7 +17,7 @@ void find_coupled_chunks(BodyWork& w) {
 }
 
 void set_object(BodyWork& w, int object) {
-    const RigidShape& shape = w.shapes[object];
+    const VirtualObject& shape = w.shapes[object];
     ContactBody& o = w.s.objects[object];
     o = {&shape.shape, shape.previous, shape.pose, shape.pose.position, shape.body, 0, false};
     if (shape.body < 0) {
@@ -281,7 +281,7 @@ void begin_planes(BodyWork& w) {
 
 void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<PairFriction>& pair_frictions) {
     for (std::size_t object = 0; object < w.shapes.size(); ++object) {
-        const RigidShape& shape = w.shapes[object];
+        const VirtualObject& shape = w.shapes[object];
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[shape.body];
         if (!w.solver.inertia) body.velocity = body.angular_momentum = {0, 0, 0};

@@ -12,7 +12,7 @@ namespace palpate {
 struct BodyWork {
     const SolverSettings& solver;
     Threads& threads;
-    Table<RigidShape>& shapes;
+    Table<VirtualObject>& shapes;
     Table<RigidBody>& bodies;
     BodySolve& s;
     SkinChunks& chunks;

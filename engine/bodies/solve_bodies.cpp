@@ -9,6 +9,7 @@
 #include "engine/bodies/directions.h"
 #include "engine/bodies/pair_ends.h"
 #include "engine/bodies/soft_contact.h"
+#include "engine/skin/solve/progress.h"
 #include "engine/systems.h"
 
 namespace palpate {
@@ -242,15 +243,15 @@ void place_bodies(BodyWork& w, bool at_end_of_step) {
         });
 }
 
-void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& shapes, Table<RigidBody>& bodies) {
+void begin_bodies(const SolverSettings& solver, double time, Table<VirtualObject>& shapes, Table<RigidBody>& bodies) {
     if (bodies.empty()) return;
-    for (RigidShape& shape : shapes)
+    for (VirtualObject& shape : shapes)
         if (shape.held_body >= 0 && time >= bodies[shape.held_body].release) {
             std::swap(shape.body, shape.held_body);
             bodies[shape.body].asleep = false;
         }
     if (!solver.inertia) return;
-    for (RigidShape& shape : shapes)
+    for (VirtualObject& shape : shapes)
         if (shape.body >= 0)
             shape.pose = object_pose(
                 bodies[shape.body],
@@ -259,7 +260,7 @@ void begin_bodies(const SolverSettings& solver, double time, Table<RigidShape>& 
 
 void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   const std::vector<PairFriction>& pair_frictions, double time, const Table<Skin>& skins,
-                  Threads& threads, Table<RigidShape>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
+                  Threads& threads, Table<VirtualObject>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
                   SoftObjects& soft, BodySolve& solve, SkinChunks& chunks) {
     if (bodies.empty() && pairs.near.empty() && soft.all.empty()) return;
     solve.bodies.resize(bodies.size() + pairs.near.size());

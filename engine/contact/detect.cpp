@@ -64,7 +64,7 @@ double bound_of(const Shape& shape) {
 }
 
 /// Whether an object, which may itself come nearer by `approach`, is within reach.
-bool is_near(const RigidShape& shape, double approach, const Sphere& reach) {
+bool is_near(const VirtualObject& shape, double approach, const Sphere& reach) {
     const Vec3<double> apart = reach.centre - shape.pose.position;
     const double within = bound_of(shape.shape) + reach.radius + approach;
     if (dot(apart, apart) > within * within) return false;
@@ -72,7 +72,7 @@ bool is_near(const RigidShape& shape, double approach, const Sphere& reach) {
 }
 
 template <class T>
-LaneContact contact_of(const SkinChunk<T>& c, int lane, const RigidShape& shape, int object,
+LaneContact contact_of(const SkinChunk<T>& c, int lane, const VirtualObject& shape, int object,
                        const Table<RigidBody>& bodies) {
     LaneContact contact{object,         shape.shape,     shape.pose, shape.previous,
                         shape.friction, shape.stiffness, shape.body, {}};
@@ -84,11 +84,11 @@ LaneContact contact_of(const SkinChunk<T>& c, int lane, const RigidShape& shape,
 
 /// Fills the slots of one lane, in the order of the objects. An object keeps its multipliers for as long as it is near.
 template <class T>
-int detect_for_lane(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+int detect_for_lane(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                     SkinChunk<T>& c, int lane) {
     int slot = 0, growths = 0;
     for (int object = 0; object < int(shapes.size()); ++object) {
-        const RigidShape& shape = shapes[std::size_t(object)];
+        const VirtualObject& shape = shapes[std::size_t(object)];
         if (shape.soft >= 0) continue;  // its skin is touched (detect_soft.cpp)
         const double approach = shape.body < 0 ? 0
                                                : 2 * solver.dt * norm(bodies[std::size_t(shape.body)].velocity) +
@@ -109,7 +109,7 @@ int detect_for_lane(const Table<RigidShape>& shapes, const Table<RigidBody>& bod
 }
 
 template <class T>
-int detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+int detect_for_chunk(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                      SkinChunk<T>& c) {
     int growths = 0;
     for (int lane = 0; lane < c.width; ++lane) {
@@ -124,7 +124,7 @@ int detect_for_chunk(const Table<RigidShape>& shapes, const Table<RigidBody>& bo
 
 }  // namespace
 
-int detect_contacts(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
+int detect_contacts(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
                     SkinChunks& chunks) {
     int growths = 0;
     chunks.for_each([&](auto& c) { growths += detect_for_chunk(shapes, bodies, solver, c); });

@@ -307,7 +307,7 @@ int fill_slots(PairWork& w, int objects, int bodies) {
 
 }  // namespace
 
-int detect_finger_pairs(const Table<RigidShape>& shapes, const Table<RigidBody>& bodies, const Table<Skin>& skins,
+int detect_finger_pairs(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const Table<Skin>& skins,
                         const SolverSettings& solver, BodySolve& solve, FingerPairs& pairs, SkinChunks& chunks) {
     if (!pairs.on) return 0;
     PairWork w{skins, solver, pairs, chunks};

@@ -172,7 +172,7 @@ bool find_samples(const SkinChunk<T>& c, int lane, const SoftObject& o, const Sk
 
 }  // namespace
 
-void detect_soft_contacts(const Table<RigidShape>& shapes, const Table<Skin>& skins, const SolverSettings& solver,
+void detect_soft_contacts(const Table<VirtualObject>& shapes, const Table<Skin>& skins, const SolverSettings& solver,
                           SoftObjects& soft, SkinChunks& chunks) {
     if (soft.all.empty()) return;
     chunks.for_each([](auto& c) { c.soft_lanes = 0; });

@@ -4,7 +4,7 @@
 #include "engine/contact/contact_edge.h"
 #include "engine/contact/crossed_skin.h"
 #include "engine/contact/fitted.h"
-#include "engine/skin/solve/progress.h"
+#include "engine/skin/solve/fitted.h"
 #include "engine/systems.h"
 
 namespace palpate {

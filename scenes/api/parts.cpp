@@ -90,7 +90,7 @@ void take_rows(Session& s, const std::vector<int>& fingers, const std::vector<in
     s.objects.change(objects);
     s.thimbles.change(thimbles);
     std::vector<char> moves;
-    for (const RigidShape& o : s.world().shapes) moves.push_back(o.body >= 0 || o.held_body >= 0);
+    for (const VirtualObject& o : s.world().shapes) moves.push_back(o.body >= 0 || o.held_body >= 0);
     give_inputs(old_fingers, s.fingers, s.finger_inputs, std::vector<char>(s.fingers.ids.size(), 0));
     give_inputs(old_objects, s.objects, s.object_inputs, moves);
     s.inputs.fingers.reserve(s.fingers.ids.size());
@@ -101,7 +101,7 @@ PosesNow poses_now(const World& w) {
     PosesNow now;
     for (std::size_t i = 0; i < w.skins.size(); ++i)
         now.fingers[w.skins[i].name] = w.step > 0 ? bone_pose(w, w.skins.owner(i)) : w.skins[i].start;
-    for (const RigidShape& o : w.shapes) now.objects[o.name] = o.pose;
+    for (const VirtualObject& o : w.shapes) now.objects[o.name] = o.pose;
     return now;
 }
 

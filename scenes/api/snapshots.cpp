@@ -123,7 +123,7 @@ int32_t palpate_get_object(PalpateWorld world, int32_t object, PalpateObjectStat
     const World& w = session->world();
     const int row = session->objects.row(object);
     if (row < 0) return fail_no_part("object", object);
-    const RigidShape& shape = w.shapes[std::size_t(row)];
+    const VirtualObject& shape = w.shapes[std::size_t(row)];
     PalpateObjectState own{};
     const ObjectOutput output = object_output(w, std::size_t(row));
     own.moves = shape.body >= 0;

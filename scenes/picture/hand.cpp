@@ -118,7 +118,7 @@ double depth_of(const World& world, const Vector3d& a, const Vector3d& b) {
     double cost = 0;
     for (int i = 1; i <= places; ++i) {
         const Vector3d x = a + double(i) / places * (b - a);
-        for (const RigidShape& o : world.shapes) {
+        for (const VirtualObject& o : world.shapes) {
             const double off = surface_point(o.shape, o.pose, Vec3<double>{x.x(), x.y(), x.z()}).distance;
             if (off < radius) cost += (radius - off) * (radius - off);
         }

@@ -77,7 +77,7 @@ void add_revolution(Triangles& t, const Pose<double>& pose, const std::vector<st
 }
 
 /// Skin nodes that press into an object that gives way: how deep, and where.
-void dent(const World& world, const RigidShape& o, Triangles& t) {
+void dent(const World& world, const VirtualObject& o, Triangles& t) {
     if (!(o.stiffness > 0)) return;
     std::vector<Vector3d> skin;
     for (const ContactSurface& c : world.contact_surfaces)
@@ -187,7 +187,7 @@ Triangles finger_triangles(const World& world, EntityId finger, double most, boo
     return t;
 }
 
-Triangles object_triangles(const World& world, const RigidShape& o, Colour colour, double most) {
+Triangles object_triangles(const World& world, const VirtualObject& o, Colour colour, double most) {
     if (o.soft >= 0) return soft_triangles(world, world.soft.all[std::size_t(o.soft)], colour, most);
     const Vec3<double>& s = o.shape.size;
     Triangles t;

@@ -16,7 +16,7 @@ bool centre_of_pressure(const World& world, EntityId finger, Eigen::Vector3d& pl
 Triangles finger_triangles(const World& world, EntityId finger, double most, bool in_bone_frame = false);
 /// An object where it is, with dents where skin presses into one that gives way; one of tissue as it is deformed,
 /// coloured by pressure up to `most` [Pa]. A plane has none: see floor().
-Triangles object_triangles(const World& world, const RigidShape& object, Colour colour, double most = 1e4);
+Triangles object_triangles(const World& world, const VirtualObject& object, Colour colour, double most = 1e4);
 /// Edges of an object beyond an angle, pairs of points.
 std::vector<Eigen::Vector3d> sharp_edges(const Triangles& t, double angle_deg);
 Triangles hand_triangles(const HandParts& parts, const HandBones& bones, Colour colour);

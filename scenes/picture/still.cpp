@@ -52,11 +52,11 @@ double peak_of(const World& world, EntityId finger) {
 }
 
 /// Whether a plane is a floor.
-bool is_floor(const RigidShape& o) {
+bool is_floor(const VirtualObject& o) {
     return o.shape.kind == ShapeKind::plane && transform(o.pose, Vec3<double>{0, 0, 1}).z - o.pose.position.z > 0.999;
 }
 
-Triangles tilted_plane(const RigidShape& o, Colour colour, const Vector3d& near) {
+Triangles tilted_plane(const VirtualObject& o, Colour colour, const Vector3d& near) {
     Triangles t;
     const Vec3<double> middle = inverse_transform(o.pose, Vec3<double>{near.x(), near.y(), near.z()});
     const Vector3d normal = as_eigen(transform(o.pose, Vec3<double>{0, 0, 1})) - as_eigen(o.pose.position);
@@ -86,7 +86,7 @@ void Painter::choose_camera(const Simulation& s) {
     double reach = 0.030;
     for (const Vector3d& x : seen) reach = std::max(reach, (x - middle).norm() + 0.030);
     // Objects that are held are seen whole; what is large, only in part.
-    for (const RigidShape& o : s.world.shapes)
+    for (const VirtualObject& o : s.world.shapes)
         if (o.body >= 0 && (as_eigen(o.pose.position) - middle).norm() < 2 * reach)
             reach = std::max(reach, (as_eigen(o.pose.position) - middle).norm() + 0.028);
     reach_ = std::max(reach, reach_);
@@ -126,7 +126,7 @@ void Painter::paint_scene(const Simulation& s, Image& image, int top, int height
         if (settings_.hand) hands.push_back(&keep(hand_triangles(hand.parts(), bones, hand_colour)));
     }
     double floor = 1e9, lowest = 1e9;
-    for (const RigidShape& o : s.world.shapes) {
+    for (const VirtualObject& o : s.world.shapes) {
         const auto row = std::size_t(&o - &s.world.shapes[0]);
         const Colour colour = object_colours[row % std::size(object_colours)];
         if (is_floor(o))

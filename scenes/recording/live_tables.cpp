@@ -17,14 +17,14 @@ namespace fs = std::filesystem;
 
 namespace {
 /// Row of an object's body, released or not yet; -1: it has none.
-int body_of(const RigidShape& o) { return std::max(o.body, o.held_body); }
+int body_of(const VirtualObject& o) { return std::max(o.body, o.held_body); }
 }  // namespace
 
 std::vector<NamedSeries> tables_of(const Simulation& s) {
     std::vector<NamedSeries> tables;
     for (std::size_t i = 0; i < s.finger_series.size(); ++i)
         tables.push_back({s.scene.spec.fingers[i].name + ".csv", &s.finger_series[i]});
-    for (const RigidShape& o : s.world.shapes)
+    for (const VirtualObject& o : s.world.shapes)
         if (const int body = body_of(o); body >= 0)
             tables.push_back({"object_" + o.name + ".csv", &s.body_series[std::size_t(body)]});
     for (std::size_t k = 0; k < s.soft_series.size(); ++k)
@@ -134,7 +134,7 @@ void LiveTables::record(const Simulation& s) {
     std::size_t k = 0;
     const auto take = [&](const Series& series) { Work::take(w.tables[k++], series); };
     for (const Series& series : s.finger_series) take(series);
-    for (const RigidShape& o : s.world.shapes)
+    for (const VirtualObject& o : s.world.shapes)
         if (body_of(o) >= 0) take(s.body_series[std::size_t(body_of(o))]);
     for (const Series& series : s.soft_series) take(series);
     take(s.step_series);

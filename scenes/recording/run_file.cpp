@@ -36,7 +36,7 @@ Payload json_payload(const nlohmann::json& j) {
 
 std::vector<char> moving_objects(const Simulation& s) {
     std::vector<char> moving;
-    for (const RigidShape& o : s.world.shapes) moving.push_back(o.body >= 0);
+    for (const VirtualObject& o : s.world.shapes) moving.push_back(o.body >= 0);
     return moving;
 }
 
@@ -48,7 +48,7 @@ std::vector<std::string> array_names(const Simulation& s) {
         for (const char* array : {"skin positions", "contact forces"}) names.push_back(skin.name + ": " + array);
     for (const Matching& m : s.world.matchings)
         names.push_back(s.world.skins.find(m.finger)->name + ": device configuration");
-    for (const RigidShape& o : s.world.shapes)
+    for (const VirtualObject& o : s.world.shapes)
         if (o.body >= 0) names.push_back(o.name + ": pose");
     return names;
 }
@@ -65,7 +65,7 @@ StepOutcome outcome_of(const Simulation& s) {
     for (const Matching& m : s.world.matchings)
         out.hashes.push_back(hash_of(m.result.w.data(), std::size_t(m.result.w.size()) * sizeof(double)));
     for (std::size_t row = 0; row < s.world.shapes.size(); ++row) {
-        const RigidShape& o = s.world.shapes[row];
+        const VirtualObject& o = s.world.shapes[row];
         if (o.body < 0) continue;
         out.hashes.push_back(hash_of(&o.pose, sizeof o.pose));
         out.moved.push_back({int(row), o.pose});
@@ -82,7 +82,7 @@ RunWriter::RunWriter(const std::filesystem::path& path, const Simulation& s, con
 void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overrides) {
     Names fingers, objects;
     for (const Skin& skin : s.world.skins) fingers.push_back(skin.name);
-    for (const RigidShape& o : s.world.shapes) objects.push_back(o.name);
+    for (const VirtualObject& o : s.world.shapes) objects.push_back(o.name);
     steps_ = 0;
     moving_ = moving_objects(s);
     file_.append(run_frame,

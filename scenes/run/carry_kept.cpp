@@ -28,7 +28,7 @@ struct Rows {
             if (a >= 0) bodies[std::size_t(a)] = b;
         }
     }
-    static int body_of(const RigidShape& o) { return std::max(o.body, o.held_body); }
+    static int body_of(const VirtualObject& o) { return std::max(o.body, o.held_body); }
 };
 
 template <class T>
@@ -159,8 +159,8 @@ void carry_objects(World& u, World& v, const Rows& rows) {
     for (std::size_t i = 0; i < v.shapes.size(); ++i) {
         const int k = rows.kept.objects[i];
         if (k >= 0) {
-            const RigidShape& a = u.shapes[std::size_t(k)];
-            RigidShape& b = v.shapes[i];
+            const VirtualObject& a = u.shapes[std::size_t(k)];
+            VirtualObject& b = v.shapes[i];
             b.pose = a.pose, b.previous = a.previous;
             const int body = Rows::body_of(b);
             if (body >= 0 && Rows::body_of(a) >= 0) {

@@ -57,7 +57,7 @@ bool alike(const Simulation& a, const Simulation& b) {
         u.body_solve.first_pair.size() != v.body_solve.first_pair.size())
         return false;
     for (std::size_t i = 0; i < u.shapes.size(); ++i) {
-        const RigidShape &x = u.shapes[i], &y = v.shapes[i];
+        const VirtualObject &x = u.shapes[i], &y = v.shapes[i];
         const bool moves = x.body >= 0 || x.held_body >= 0, would_move = y.body >= 0 || y.held_body >= 0;
         if (x.shape.kind != y.shape.kind || x.soft != y.soft || moves != would_move) return false;
     }
@@ -112,8 +112,8 @@ bool carry_over(Simulation& from, Simulation& to) {
         b.target = a.target, b.last_target = a.last_target, b.started = a.started, b.slowed = a.slowed;
     }
     for (std::size_t i = 0; i < u.shapes.size(); ++i) {
-        const RigidShape& a = u.shapes[i];
-        RigidShape& b = v.shapes[i];
+        const VirtualObject& a = u.shapes[i];
+        VirtualObject& b = v.shapes[i];
         b.pose = a.pose, b.previous = a.previous, b.body = a.body, b.held_body = a.held_body;
     }
     for (std::size_t i = 0; i < u.bodies.size(); ++i) {

@@ -21,11 +21,11 @@ FixedSkin fixed_skin_of(const TetMesh& mesh) {
     return skin;
 }
 
-double fixed_skin_depth(const FixedSkin& skin, const Pose<double>& bone, const Table<RigidShape>& shapes) {
+double fixed_skin_depth(const FixedSkin& skin, const Pose<double>& bone, const Table<VirtualObject>& shapes) {
     if (skin.nodes.empty()) return 0;
     double depth = 0;
     const Vec3<double> centre = transform(bone, skin.centre);
-    for (const RigidShape& o : shapes) {
+    for (const VirtualObject& o : shapes) {
         if (o.stiffness > 0 || o.soft >= 0 || surface_point(o.shape, o.pose, centre).distance > skin.radius) continue;
         for (const Vec3<double>& x : skin.nodes)
             depth = std::max(depth, -surface_point(o.shape, o.pose, transform(bone, x)).distance);

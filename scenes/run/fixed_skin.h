@@ -16,6 +16,6 @@ struct FixedSkin {
 FixedSkin fixed_skin_of(const TetMesh& mesh);
 
 /// How deep the deepest of them is in an object that does not give way [m]; 0: none is. Nothing pushes it out.
-double fixed_skin_depth(const FixedSkin& skin, const Pose<double>& bone, const Table<RigidShape>& shapes);
+double fixed_skin_depth(const FixedSkin& skin, const Pose<double>& bone, const Table<VirtualObject>& shapes);
 
 }  // namespace palpate

@@ -37,7 +37,7 @@ double friction_of(const SceneSpec& spec, int finger, int object) {
 void read_grip(const Simulation& s, std::size_t finger, int object, std::vector<GripSample>& grip) {
     grip.clear();
     const World& w = s.world;
-    const RigidShape& shape = w.shapes[object];
+    const VirtualObject& shape = w.shapes[object];
     const Vec3<double> centre = centre_pose(w.bodies[shape.body], shape.pose).position;
     const ContactSurface& c = *w.contact_surfaces.find(s.fingers[finger]);
     const double friction = friction_of(s.scene.spec, int(finger), object);
@@ -61,7 +61,7 @@ void read_grip(const Simulation& s, std::size_t finger, int object, std::vector<
 /// mean by force: to and fro cancels, which a sum of lengths does not.
 void follow_slide(const Simulation& s, std::size_t finger, int object, bool held, LastGrip& last) {
     const ContactSurface& c = *s.world.contact_surfaces.find(s.fingers[finger]);
-    const RigidShape& shape = s.world.shapes[object];
+    const VirtualObject& shape = s.world.shapes[object];
     const std::vector<Vec3<double>> before = std::move(last.before);
     last.before.clear();
     if (!held) {
@@ -99,7 +99,7 @@ void record_bodies(Simulation& s) {
     for (int b = 0; b < int(w.bodies.size()); ++b) {
         const RigidBody& body = w.bodies[b];
         const int object = object_of(w, b);
-        const RigidShape& shape = w.shapes[object];
+        const VirtualObject& shape = w.shapes[object];
         const Vec3<double>&p = shape.pose.position, &v = body.velocity, &f = body.contact_force;
         const Quaternion<double>& q = shape.pose.rotation;
         const double weight = std::max(body.mass * norm(w.gravity), 1e-9);
@@ -135,7 +135,7 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
     std::vector<BodySummary> all;
     for (int b = 0; b < int(s.world.bodies.size()); ++b) {
         const Series& series = s.body_series[std::size_t(b)];
-        const RigidShape& shape = s.world.shapes[object_of(s.world, b)];
+        const VirtualObject& shape = s.world.shapes[object_of(s.world, b)];
         BodySummary out;
         out.name = shape.name;
         const auto held = series.column("held"), converged = series.column("converged"), reset = series.column("reset");

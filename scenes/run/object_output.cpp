@@ -21,7 +21,7 @@ Vec3<double> pressed_by_tissue(const World& w, int object) {
 }  // namespace
 
 ObjectOutput object_output(const World& w, std::size_t object) {
-    const RigidShape& shape = w.shapes[object];
+    const VirtualObject& shape = w.shapes[object];
     ObjectOutput out;
     if (shape.body >= 0) {
         const RigidBody& body = w.bodies[std::size_t(shape.body)];

@@ -118,7 +118,7 @@ void matrix(Archive& a, Matrix& m) {
 
 /// Objects as the lanes of a chunk see them. Meshes are those of the world's shapes.
 template <class Archive>
-void exchange(Archive& a, ContactSlots& c, const Table<RigidShape>& shapes) {
+void exchange(Archive& a, ContactSlots& c, const Table<VirtualObject>& shapes) {
     value(a, c.capacity, c.used, c.width, c.count);
     growing(a, c.slot);
     std::uint64_t n = c.lane_contact.size();
@@ -138,7 +138,7 @@ void exchange(Archive& a, ContactSlots& c, const Table<RigidShape>& shapes) {
 }
 
 template <class Archive, class T>
-void exchange(Archive& a, SkinChunk<T>& c, const Table<RigidShape>& shapes) {
+void exchange(Archive& a, SkinChunk<T>& c, const Table<VirtualObject>& shapes) {
     value(a, c.has_bodies, c.has_friction);  // fingers that came near each other may have brought them
     value(a, c.used_lanes, c.own_frictions, c.asleep_lanes, c.rigid_lanes, c.unchanged_lanes, c.linear_lanes,
           c.fine_lanes, c.limits, c.skin_mass, c.skin_inertia, c.free_steps, c.coarse_steps, c.rest_reach, c.reach,
@@ -162,7 +162,7 @@ void exchange(Archive& a, MatchingResult& r) {
 }
 
 template <class Archive>
-void exchange(Archive& a, ForceMatcher& m, const Table<RigidShape>& shapes) {
+void exchange(Archive& a, ForceMatcher& m, const Table<VirtualObject>& shapes) {
     for (auto& chunk : m.chunks) exchange(a, chunk, shapes);
     for (Coordinates& w : m.lane_w) coordinates(a, w);
     matrix(a, m.forces);
@@ -258,7 +258,7 @@ void exchange(Archive& a, World& w) {
     for (Coupling& c : w.couplings) value(a, c);
     for (Skin& s : w.skins) value(a, s.chunk, s.lane);
     for (ContactSurface& c : w.contact_surfaces) exchange(a, c);
-    for (RigidShape& o : w.shapes) value(a, o.pose, o.previous, o.body, o.held_body);
+    for (VirtualObject& o : w.shapes) value(a, o.pose, o.previous, o.body, o.held_body);
     for (RigidBody& b : w.bodies) value(a, b);
     exchange(a, w.body_solve);
     growing(a, w.finger_pairs.near);

@@ -325,7 +325,7 @@ void Stream::command(const Simulation& s, StepInputs& inputs) {
         inputs.fingers[i].time = s.world.time + s.world.solver.dt;
     }
     for (std::size_t i = 0; i < inputs.objects.size(); ++i) {
-        const RigidShape& shape = s.world.shapes[i];
+        const VirtualObject& shape = s.world.shapes[i];
         const auto found = w.objects_now.find(shape.name);
         if (found != w.objects_now.end() && found->second && shape.body < 0 && shape.held_body < 0)
             inputs.objects[i] = *found->second;

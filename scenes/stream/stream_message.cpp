@@ -115,7 +115,7 @@ StreamNames stream_names(const Simulation& s) {
             if (s.world.matchings[t].finger == s.fingers[i]) names.thimbles.back() = int(t);
     }
     for (const Matching& m : s.world.matchings) names.kinds.push_back(quoted(m.model.kind->name));
-    for (const RigidShape& o : s.world.shapes) names.objects.push_back(quoted(o.name)), names.soft.push_back(o.soft);
+    for (const VirtualObject& o : s.world.shapes) names.objects.push_back(quoted(o.name)), names.soft.push_back(o.soft);
     return names;
 }
 
@@ -157,7 +157,7 @@ void take_numbers(const Simulation& s, const StreamNames& names, bool samples, S
     }
     out.objects.resize(w.shapes.size());
     for (std::size_t i = 0; i < w.shapes.size(); ++i) {
-        const RigidShape& shape = w.shapes[i];
+        const VirtualObject& shape = w.shapes[i];
         StreamNumbers::Object& o = out.objects[i];
         o.pose = shape.pose, o.velocity = o.spin = {0, 0, 0}, o.force = object_output(w, i).force;
         if (samples && shape.soft >= 0) take_samples(w.soft.all[std::size_t(shape.soft)].surface, o.samples);

@@ -22,12 +22,12 @@ struct Felt {
 };
 
 /// Outward unit normal, at a place in the world, of the nearest of the objects that press on a finger.
-Vec3<double> normal_at(const ContactSurface& c, const Table<RigidShape>& shapes, const Vec3<double>& x) {
+Vec3<double> normal_at(const ContactSurface& c, const Table<VirtualObject>& shapes, const Vec3<double>& x) {
     Vec3<double> normal{0, 0, 0};
     double nearest = 1e300;
     for (const ObjectContact& o : c.objects) {
         if (o.object < 0 || o.normal_force <= 0) continue;
-        const RigidShape& shape = shapes[std::size_t(o.object)];
+        const VirtualObject& shape = shapes[std::size_t(o.object)];
         const auto surface = surface_point(shape.shape, shape.pose, x);
         if (surface.distance >= nearest) continue;
         nearest = surface.distance;
@@ -36,7 +36,7 @@ Vec3<double> normal_at(const ContactSurface& c, const Table<RigidShape>& shapes,
     return normal;
 }
 
-Felt felt(const ContactSurface& c, const Table<RigidShape>& shapes) {
+Felt felt(const ContactSurface& c, const Table<VirtualObject>& shapes) {
     const Mat3<double> R = rotation_matrix(c.bone.rotation);
     Felt f{{}, {}, c.touches};
     for (std::size_t i = 0; i < c.force.size(); ++i) {

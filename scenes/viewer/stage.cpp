@@ -198,7 +198,7 @@ nlohmann::json stage_of(const Simulation& s) {
                          {"objects", nlohmann::json::array()},
                          {"thimbles", nlohmann::json::array()}};
     for (const Skin& skin : s.world.skins) stage["fingers"].push_back(finger_json(skin));
-    for (const RigidShape& o : s.world.shapes) {
+    for (const VirtualObject& o : s.world.shapes) {
         stage["objects"].push_back({{"name", o.name},
                                     {"kind", kinds[int(o.shape.kind)]},
                                     {"size", {o.shape.size.x, o.shape.size.y, o.shape.size.z}},
@@ -241,7 +241,7 @@ void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std
     put_floats(out, {s.world.time, since.longest_us, double(since.steps)});
     for (std::size_t row = 0; row < s.fingers.size(); ++row)
         append_finger(out, s, row, row < since.converged.size() ? since.converged[row] : 0);
-    for (const RigidShape& o : s.world.shapes) {
+    for (const VirtualObject& o : s.world.shapes) {
         put_pose(out, o.pose);
         if (o.soft >= 0) append_soft(out, s.world, s.world.soft.all[std::size_t(o.soft)]);
     }

@@ -121,7 +121,7 @@ TEST(Grasp, SamplesBetweenNodesHoldAThinRod) {
                     Vec3<double> x;
                     for (int d = 0; d < 3; ++d)
                         x[d] = (i * nodes[t[0]][d] + j * nodes[t[1]][d] + (12 - i - j) * nodes[t[2]][d]) / 12;
-                    const RigidShape& r = lab.world.shapes[0];
+                    const VirtualObject& r = lab.world.shapes[0];
                     deepest = std::max(deepest, -surface_point(r.shape, r.pose, x).distance);
                 }
         return std::pair{deepest, lab.world.contact_surfaces[0].normal_force};
@@ -136,7 +136,7 @@ TEST(Grasp, SamplesBetweenNodesHoldAThinRod) {
 }
 
 bool finite_and_near(const World& world, double reach) {
-    for (const RigidShape& s : world.shapes) {
+    for (const VirtualObject& s : world.shapes) {
         const Vec3<double>& x = s.pose.position;
         if (!std::isfinite(dot(x, x)) || !std::isfinite(s.pose.rotation.w)) return false;
     }

@@ -34,8 +34,8 @@ bool meets(const Vector3d& from, const Vector3d& along, const Vector3d& a, const
 /// The mug is seen where a ray meets it before anything opaque, and nowhere else: no face is torn, none is missing.
 TEST(Picture, TheMugIsSeenWhereRaysMeetIt) {
     Simulation s = make_simulation(load_scene(scenes + "hold_mug.toml"), 2);
-    const RigidShape* mug = nullptr;
-    for (const RigidShape& o : s.world.shapes)
+    const VirtualObject* mug = nullptr;
+    for (const VirtualObject& o : s.world.shapes)
         if (o.mesh) mug = &o;
     ASSERT_TRUE(mug);
     const Triangles t = object_triangles(s.world, *mug, {0.5f, 0.5f, 0.5f});
@@ -73,7 +73,7 @@ TEST(Picture, OfTheMugIsWhatRaysOfItsViewMeet) {
     std::vector<Triangles> mug, opaque;
     int id = -1, layers = 0;
     double floor = 1e9;
-    for (const RigidShape& o : s.world.shapes) {
+    for (const VirtualObject& o : s.world.shapes) {
         if (o.shape.kind == ShapeKind::plane) {
             floor = o.pose.position.z;
             continue;
@@ -214,8 +214,8 @@ TEST(Picture, AHandStaysOutOfWhatItHolds) {
     Simulation s = make_simulation(load_scene(scenes + "hold_mug.toml"), 2);
     const HandParts parts = hands_of(s.scene)[0];
     HandPoser poser(s, parts);
-    const RigidShape* mug = nullptr;
-    for (const RigidShape& o : s.world.shapes)
+    const VirtualObject* mug = nullptr;
+    for (const VirtualObject& o : s.world.shapes)
         if (o.name == "mug") mug = &o;
     ASSERT_NE(mug, nullptr);
     double nearest = 1;

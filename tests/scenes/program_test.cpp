@@ -205,7 +205,7 @@ TEST(Program, ATrayFullOfCubesStaysOnItsTable) {
     Simulation s = make_simulation(load_scene(scenes + "tray.toml"), 2);
     const std::atomic<bool> stop{false};
     run(s, stop, {});
-    for (const RigidShape& o : s.world.shapes)
+    for (const VirtualObject& o : s.world.shapes)
         EXPECT_NEAR(o.pose.position.z, o.name == "tray" ? 0.002 : o.name == "table" ? 0 : 0.012, 2e-5) << o.name;
     EXPECT_GT(s.world.contact_surfaces[0].normal_force, 0.2);
     const Summary summary = summarise(s);

@@ -7,7 +7,7 @@
 #include "engine/math/pose.h"
 #include "engine/skin/chunks/chunk.h"
 #include "engine/skin/solve/fitted.h"
-#include "engine/skin/solve/progress.h"
+#include "engine/skin/solve/lane_progress.h"
 #include "engine/skin/tissue/isotropic.h"
 
 namespace palpate::detail {

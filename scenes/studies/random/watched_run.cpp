@@ -29,7 +29,7 @@ struct Watched {
     std::vector<double> first_energy;  ///< of each body [J]
 };
 
-double mechanical_energy(const World& w, const RigidShape& shape) {
+double mechanical_energy(const World& w, const VirtualObject& shape) {
     const RigidBody& b = w.bodies[shape.body];
     const Pose<double> centre = centre_pose(b, shape.pose);
     const Vec3<double> turn = angular_velocity(b, shape.pose.rotation);
@@ -45,7 +45,7 @@ void check_penetration(const Watched& v, Findings& found) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset) continue;
         for (int node : f.skin->mesh.pad_nodes)
-            for (const RigidShape& o : w.shapes) {
+            for (const VirtualObject& o : w.shapes) {
                 if (o.stiffness > 0 || o.soft >= 0) continue;  // tissue: check_tissue
                 const double depth = -surface_point(o.shape, o.pose, f.position[std::size_t(node)]).distance;
                 if (depth > allowed)
@@ -146,7 +146,7 @@ void check_body_balance(const Watched& v, Findings& found) {
     // In single precision, rounding of a grip's forces moves a light body.
     const double floor = w.chunks.floats.empty() ? 1e-4 : 2e-3;
     for (std::size_t o = 0; o < w.shapes.size(); ++o) {
-        const RigidShape& shape = w.shapes[o];
+        const VirtualObject& shape = w.shapes[o];
         if (shape.body < 0) continue;
         const RigidBody& b = w.bodies[shape.body];
         if (!b.converged || b.reset || b.asleep) continue;
@@ -166,7 +166,7 @@ void check_tunnelling(const Watched& v, Findings& found) {
     for (const FingerState& f : v.fingers) {
         if (!f.status.converged || f.status.reset) continue;
         const double allowed = 0.25 * f.longest_edge();
-        for (const RigidShape& o : w.shapes) {
+        for (const VirtualObject& o : w.shapes) {
             if (o.stiffness > 0 || o.soft >= 0) continue;  // tissue: check_tissue
             const double depth = f.depth_under_skin(o.shape, o.pose);
             if (depth > allowed)
@@ -207,7 +207,7 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
     Trace trace;
     Watched v{s, {}, {}, {}};
     const bool still = holds_still(s.scene);
-    for (const RigidShape& shape : s.world.shapes)
+    for (const VirtualObject& shape : s.world.shapes)
         if (shape.body >= 0) v.first_energy.push_back(mechanical_energy(s.world, shape));
     const auto steps = std::max(1L, std::lround(s.scene.duration / s.world.solver.dt));
     for (long k = 0; k < steps; ++k) {
@@ -238,7 +238,7 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
         if (still && !v.first_energy.empty()) check_energy(v, *found);
     }
     if (recorder) recorder->finish();
-    for (const RigidShape& shape : s.world.shapes)
+    for (const VirtualObject& shape : s.world.shapes)
         if (shape.body >= 0) trace.bodies.push_back(shape.pose.position);
     return trace;
 }
