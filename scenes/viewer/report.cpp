@@ -46,7 +46,8 @@ void ReportRecorder::record(const Simulation& s) {
     append_frame(frames_, s, rendered_pads_->solve(s), *hands_, since_);
     ++count_;
     since_ = {};
-    next_ = s.world.time + 1 / rate_;
+    next_ += 1 / rate_;  // from when it was due: steps that do not divide the period lower no rate
+    if (next_ <= s.world.time) next_ = s.world.time + 1 / rate_;
 }
 
 std::string page_with(const nlohmann::json& data) {

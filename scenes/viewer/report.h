@@ -8,7 +8,7 @@
 
 namespace palpate {
 
-/// Collects frames of a run, no more often than `rate` per simulated second.
+/// Collects frames of a run, `rate` per simulated second where steps are no longer than that.
 class ReportRecorder {
   public:
     explicit ReportRecorder(double rate = 30) : rate_(rate) {}
