@@ -55,12 +55,9 @@ void read_orientation(Section& mesh, FingerMeshRequest& r) {
     o.finish();
 }
 
-void read_mesh(Section s, const std::filesystem::path& folder, FingerModel& m, bool has_shape) {
-    if (!s) return;
-    FingerMeshRequest& r = m.mesh;
-    std::string surface, tets;
-    s.text("surface", surface, "A scanned finger: a closed surface (.obj, .stl, .ply, .off), meshed at load.");
-    s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
+}  // namespace
+
+void read_how_meshed(Section& s, FingerMeshRequest& r) {
     s.choice(
         "kind", r.kind, {"uniform", "conforming"},
         "uniform: elements of one size, bone nodes are those that lie in the bone. conforming: small on the pad, large "
@@ -72,10 +69,46 @@ void read_mesh(Section s, const std::filesystem::path& folder, FingerModel& m, b
         "patch", r.patch, {0, 16},
         "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
         "none do.");
-    if (r.patch > 0 && m.spec.material != Material::corotational && s.sound("patch"))
-        s.complain("patch", "patches need corotational tissue: material = { kind = \"corotational\" }");
-    if (r.kind == FingerMeshRequest::Kind::conforming && !tets.empty())
-        s.complain("kind", "a finished mesh (tets) stays as it is; a shape or a surface can be meshed to conform");
+}
+
+namespace {
+
+/// A scene's fingers are conforming where nothing is said; what does not go with that is uniform then: finished meshes,
+/// scans (many of which cannot be meshed so), a bone by half-space or by list, fewer elements than it takes; and
+/// patches are left out where the tissue is another.
+void settle_default_mesh(const Section& mesh, FingerModel& m) {
+    FingerMeshRequest& r = m.mesh;
+    if (!r.by_default) return;
+    constexpr int fewest = 250;
+    const bool parametric = r.source == FingerMeshRequest::Source::parametric;
+    r.by_default = !mesh.has("kind");
+    if (r.by_default && (!parametric || r.half_space || !r.bone_nodes.empty() || r.elements < fewest))
+        r.kind = FingerMeshRequest::Kind::uniform;
+    if (!mesh.has("patch") && (r.kind == FingerMeshRequest::Kind::uniform || m.spec.material != Material::corotational))
+        r.patch = 0;
+}
+
+/// What of a mesh does not go together.
+void check_mesh(Section& s, Section& mesh, const FingerModel& m) {
+    const FingerMeshRequest& r = m.mesh;
+    if (mesh && r.patch > 0 && m.spec.material != Material::corotational && mesh.sound("patch"))
+        mesh.complain("patch", "patches need corotational tissue: material = { kind = \"corotational\" }");
+    if (r.kind != FingerMeshRequest::Kind::conforming) return;
+    if (mesh && r.source == FingerMeshRequest::Source::tets)
+        mesh.complain("kind", "a finished mesh (tets) stays as it is; a shape or a surface can be meshed to conform");
+    if (r.half_space || !r.bone_nodes.empty())
+        s.complain("bone",
+                   "the phalanx of a conforming mesh has a shape (phalanx_length, phalanx_height, "
+                   "phalanx_radius), no normal and no list of nodes");
+}
+
+void read_mesh(Section& s, const std::filesystem::path& folder, FingerModel& m, bool has_shape) {
+    if (!s) return;
+    FingerMeshRequest& r = m.mesh;
+    std::string surface, tets;
+    s.text("surface", surface, "A scanned finger: a closed surface (.obj, .stl, .ply, .off), meshed at load.");
+    s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
+    read_how_meshed(s, r);
     const bool from_file = !surface.empty() || !tets.empty();
     const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch");
     if (!from_file && s.in_file() && !only_how && s.sound("surface") && s.sound("tets"))
@@ -168,18 +201,16 @@ void read_finger_model(Section& s, const std::filesystem::path& folder, FingerMo
     read_limits(s.table("limits", "Bounds on principal stretches; without this table there are none."), m.spec);
     Section shape = s.table("shape", "A parametric finger.");
     read_shape(shape, m.mesh);
-    read_mesh(s.table("mesh", "How a finger is meshed; a finger from a file, instead of a shape."), folder, m,
-              shape.in_file());
+    Section mesh = s.table("mesh", "How a finger is meshed; a finger from a file, instead of a shape.");
+    read_mesh(mesh, folder, m, shape.in_file());
     read_bone(s.table("bone",
                       "Which nodes ride on the bone; by default those at the cut, under the nail and inside the "
                       "phalanx."),
               m.mesh);
-    if (m.mesh.kind == FingerMeshRequest::Kind::conforming && (m.mesh.half_space || !m.mesh.bone_nodes.empty()))
-        s.complain("bone",
-                   "the phalanx of a conforming mesh has a shape (phalanx_length, phalanx_height, "
-                   "phalanx_radius), no normal and no list of nodes");
     read_layers(s, m.spec, m.layers);
     s.integer("elements", m.mesh.elements, {20, 200000}, "Tetrahedra wanted, of a shape or a scanned surface.");
+    settle_default_mesh(mesh, m);
+    check_mesh(s, mesh, m);
 }
 
 namespace {

@@ -31,6 +31,8 @@ struct FingerModel {
 /// Reads what a finger's table says of itself over what the model holds already: elements, and the tables shape, mesh,
 /// bone, material, limits and layer. Files are relative to `folder`.
 void read_finger_model(Section& s, const std::filesystem::path& folder, FingerModel& model);
+/// How a shape or a surface is meshed: kind, gradings, patches.
+void read_how_meshed(Section& s, FingerMeshRequest& request);
 void read_material(Section s, FingerSpec& finger);
 void read_limits(Section s, FingerSpec& finger);
 

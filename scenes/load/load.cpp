@@ -70,6 +70,16 @@ FingerModel read_common_finger(Section& root) {
         model.spec);
     read_coupling(root.table("coupling", coupling_sentence), model.spec.coupling);
     read_filter(root.table("filter", filter_sentence), model.spec.filter);
+    model.mesh.kind = FingerMeshRequest::Kind::conforming, model.mesh.patch = 5;
+    Section mesh =
+        root.table("mesh",
+                   "How fingers are meshed of which neither they nor their files say it. Without it shapes of "
+                   "250 elements and more conform, with patches; all else is uniform.");
+    if (mesh) {
+        read_how_meshed(mesh, model.mesh);
+        mesh.finish();
+    }
+    model.mesh.by_default = !mesh.has("kind");
     return model;
 }
 
@@ -80,6 +90,8 @@ void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerM
         "Shape, tissue and limits from a preset (`palpate list`), or from a file that ends with .toml; the keys here "
         "override it.");
     if (named.empty()) return;
+    const FingerMeshRequest plain;  // what a file says nothing of is as it was when it was written
+    m.mesh.kind = plain.kind, m.mesh.patch = plain.patch, m.mesh.grading = plain.grading, m.mesh.by_default = false;
     Problems found{problems.file, {}};
     read_named_finger(named, folder, m, found);
     if (!found.messages.empty()) s.complain_as_found("finger", found.messages);
@@ -87,11 +99,24 @@ void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerM
     for (const auto& note : found.notes) problems.notes.push_back(note);
 }
 
+/// The finger with its mesh. A shape that cannot be meshed to conform where nobody asked for that is uniform.
+FingerSpec build_as_can_be(FingerModel& m, FingerTemplates& templates, std::string& note) {
+    if (m.mesh.by_default && m.mesh.kind == FingerMeshRequest::Kind::conforming) try {
+            return build_finger(m, templates, note);
+        } catch (const InputError&) {
+            m.mesh.kind = FingerMeshRequest::Kind::uniform, m.mesh.patch = 0;
+            FingerSpec uniform = build_finger(m, templates, note);
+            note += ", uniform: no sound conforming mesh of this shape was found";
+            return uniform;
+        }
+    return build_finger(m, templates, note);
+}
+
 /// The finger with its mesh; where there is none, its problems are the section's.
-void add_finger(Section& s, const FingerModel& m, FingerTemplates& templates, Scene& scene) {
+void add_finger(Section& s, FingerModel m, FingerTemplates& templates, Scene& scene) {
     std::string note;
     try {
-        scene.spec.fingers.push_back(build_finger(m, templates, note));
+        scene.spec.fingers.push_back(build_as_can_be(m, templates, note));
     } catch (const InputError& error) {
         s.complain_as_found(m.mesh.file.empty() ? "shape" : "mesh", error.messages);
         scene.spec.fingers.push_back(m.spec);

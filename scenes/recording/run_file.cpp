@@ -96,6 +96,7 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
                                {"arrays", array_names(s)},
                                {"governed", s.governor.has_value()},
                                {"fingers_touch", s.scene.spec.fingers_touch},
+                               {"conforming", true},
                                {"dt_s", s.world.solver.dt},
                                {"duration_s", s.scene.duration}}));
 }
@@ -142,18 +143,20 @@ void RunWriter::finish() {
 
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides) {
-    // In runs from before fingers touched each other, they did not.
+    // In runs from before fingers touched each other, they did not; nor were their meshes conforming unsaid.
     auto as_then = [&](Scene scene) {
         scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
         return scene;
     };
-    if (!run.has_file) return as_then(load_scene_text(run.text, run.scene, overrides));
+    std::vector<std::string> settings = overrides;
+    if (!run.conforming) settings.insert(settings.begin(), {"mesh.kind=uniform", "mesh.patch=0"});
+    if (!run.has_file) return as_then(load_scene_text(run.text, run.scene, settings));
     const std::string remedy =
         "; `palpate replay " + file.string() + " --extract " + run.scene + "` puts back what it said then";
     if (!std::filesystem::exists(run.scene)) throw InputError(run.scene + ": is gone" + remedy);
     if (read_file(run.scene) != run.text)
         throw InputError(run.scene + ": has changed since the run was recorded" + remedy);
-    return as_then(load_scene(run.scene, overrides));
+    return as_then(load_scene(run.scene, settings));
 }
 
 }  // namespace palpate

@@ -229,6 +229,8 @@ TEST(Recording, WhatWasCompleteWhenTheProgramWasKilledIsReadReplayedAndConverted
 TEST(Recording, OfVersion1IsReadBeyondAReleaseAndReplayed) {
     testing::ScratchFolder scratch;
     const fs::path scene = scene_of_everything(scratch.path), file = scratch.path / "run", old = scratch.path / "old";
+    // Meshes of which nothing was said were uniform then.
+    write_file(scene, read_file(scene) + "[mesh]\nkind = \"uniform\"\npatch = 0\n");
     record_and_kill(scene, file, {}, 0, 0);
     const RecordedRun run = read_recording(file).runs.at(0);
     write_file(old, as_version_1(run));

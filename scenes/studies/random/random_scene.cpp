@@ -75,6 +75,9 @@ Block object(const char* name, const Block& keys, double x, double y, double z) 
     return b;
 }
 
+/// Of fingers that say nothing else: what was found with a seed is found again.
+const Block plain_meshes{"[mesh]", "kind = \"uniform\"", "patch = 0"};
+
 Block finger(Random& r, const std::string& name, int elements) {
     Block b{"[[finger]]", "name = \"" + name + "\"",
             line("shape = { finger = \"%s\" }", r.one_of({"thumb", "index", "middle", "ring", "little"})),
@@ -431,6 +434,7 @@ void draw_tissue(Random& r, RandomScene& s, int fingers, int elements, double dt
 RandomScene random_scene_fingers(bool other) {
     RandomScene s;
     s.blocks.push_back({"duration_s = 0.01"});
+    s.blocks.push_back(plain_meshes);
     int i = 0;
     auto add = [&](Block b) {
         b.insert(b.begin(), {"[[finger]]", line("name = \"finger %d\"", i)});
@@ -460,6 +464,7 @@ RandomScene random_scene(unsigned seed) {
     if (r.chance(0.2)) solver.emplace_back("detail = \"auto\"");
     if (r.chance(0.15)) solver.emplace_back("sample_refinement = 2");
     s.blocks.push_back(solver);
+    s.blocks.push_back(plain_meshes);
     if (r.chance(0.6))
         s.blocks.push_back(
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
