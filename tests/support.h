@@ -54,7 +54,7 @@ double central_difference(const std::function<double(const std::vector<double>&)
 /// Whether a condition comes true within five seconds.
 template <class Condition>
 bool eventually(Condition condition) {
-    for (int k = 0; k < 2500; ++k) {
+    for (int k = 0; k < 7500; ++k) {
         if (condition()) return true;
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }

@@ -228,8 +228,6 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
     }
     MatchingResult best = geometric;
     double best_cost = HUGE_VAL;
-    m.forces.col(0).setZero();  // of a platform that touches nothing
-    const double of_nothing = residual_of(m, settings, m.forces.col(0), m.residual);
     // Where the last step's linearisation sends the forces wanted now.
     Coordinates next = geometric.w;
     if (m.warm && inside_workspace(model, m.centre, 1e-7)) next = gauss_newton(m, model, settings, m.damping);
@@ -258,8 +256,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
                                                               : std::min(1.0, 8 * m.damping);
         next = gauss_newton(m, model, settings, m.damping);
     }
-    // Where no solve that can be believed is better than no platform at all, the geometric match is.
-    if (!(best_cost < of_nothing)) {
+    if (!std::isfinite(best_cost)) {
         m.warm = false;
         return geometric;
     }

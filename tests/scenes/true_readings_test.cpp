@@ -203,10 +203,11 @@ TEST(TrueReadings, WhatPressesFromBesideThePadIsNotRenderedAndIsSaid) {
         for (std::size_t i = 0; i < fingers.size(); ++i) {
             double geometric = 0, force = 0;
             for (const ComparedStep& row : fingers[i]) {
-                // A platform in another place than the contact presses about as much, and so is off by both.
-                for (const auto& method : row.methods)
-                    EXPECT_LT(method.error.field_N, 1.7 * row.virtual_force_N + 0.05)
-                        << scene << " " << i << " " << row.time;
+                // Shapes say nothing of forces: where the ring finger is touched lightly and far up its side, the platform
+                // that matches best presses with 0.4 N of its own.
+                for (const auto& [method, own] : {std::pair{0, 0.4}, {1, 0.15}})
+                    EXPECT_LT(row.methods[std::size_t(method)].error.field_N, 1.3 * row.virtual_force_N + own)
+                        << scene << " " << i << " " << row.time << " " << method;
                 geometric += row.methods[0].error.field_N, force += row.methods[1].error.field_N;
             }
             EXPECT_LT(force, 1.05 * geometric) << scene << " finger " << i;
