@@ -212,7 +212,7 @@ struct World {
     Table<Coupling> couplings;               ///< per finger
     Table<Skin> skins;                       ///< per finger, same rows as couplings and contact_surfaces
     Table<ContactSurface> contact_surfaces;  ///< per finger
-    Table<VirtualObject> shapes;                ///< per object
+    Table<VirtualObject> shapes;             ///< per object
     Table<RigidBody> bodies;                 ///< per object that forces move
     Vec3<double> gravity{0, 0, -9.81};       ///< on bodies [m/s^2]
     std::vector<PairFriction> pair_frictions;

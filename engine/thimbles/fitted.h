@@ -16,7 +16,8 @@ inline constexpr double platform_thickness = 0.004;
 /// `hold_mug`, whose fingers touch each other's sides).
 inline constexpr double from_beside = 0.342;
 /// Solves that have not converged are believed near balance: off by this share of their force and so many newtons, a
-/// limit exceeded, and something entered, by no more than this [N], [m] (`hold_mug`: solves cut short were 618 N off; with a limit exceeded by 0.01, 28 N).
+/// limit exceeded, and something entered, by no more than this [N], [m] (`hold_mug`: solves cut short were 618 N off;
+/// with a limit exceeded by 0.01, 28 N).
 inline constexpr double believed_share = 0.1, believed_noise = 0.02, believed_excess = 1e-3, believed_depth = 2e-5;
 
 }  // namespace palpate::fitted

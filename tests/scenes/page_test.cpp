@@ -172,7 +172,8 @@ TEST(PageSpeed, TenFingersPlaySmoothlyInSoftware) {
     page.run("show(0), 0");  // at the end it stands still for a while
     const double before = page.processor_s();
     const nlohmann::json seen = page.run(
-        "new Promise(done => { let shown = 0, last = now; const first = frames[now].time, begun = performance.now(); const "
+        "new Promise(done => { let shown = 0, last = now; const first = frames[now].time, begun = performance.now(); "
+        "const "
         "look = () => { if (now !== last) { ++shown; "
         "last = now; } const passed = performance.now() - begun; if (passed > 5000) done([shown, passed / 1e3, "
         "detail.level, frames.filter(f => f.time > first && f.time <= frames[now].time).length]); else "

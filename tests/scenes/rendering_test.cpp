@@ -95,8 +95,9 @@ TEST(ForceMatching, LowersTheErrorOfEveryContactThatThePlatformCanTouch) {
 }
 
 TEST(ForceMatching, WeightsBuyWhatTheyName) {
-    // The mean error of one rendering of the ball, by setting: each weight against none. Of a uniform mesh, whose errors
-    // leave more to buy: on a conforming one the sum of errors is within 2 % of the best there is with any of them.
+    // The mean error of one rendering of the ball, by setting: each weight against none. Of a uniform mesh, whose
+    // errors leave more to buy: on a conforming one the sum of errors is within 2 % of the best there is with any of
+    // them.
     const auto errors = [](std::vector<std::string> settings) {
         settings.insert(settings.end(), {"mesh.kind=uniform", "mesh.patch=0"});
         const std::atomic<bool> stop{false};

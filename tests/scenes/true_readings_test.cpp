@@ -203,8 +203,8 @@ TEST(TrueReadings, WhatPressesFromBesideThePadIsNotRenderedAndIsSaid) {
         for (std::size_t i = 0; i < fingers.size(); ++i) {
             double geometric = 0, force = 0;
             for (const ComparedStep& row : fingers[i]) {
-                // Shapes say nothing of forces: where the ring finger is touched lightly and far up its side, the platform
-                // that matches best presses with 0.4 N of its own.
+                // Shapes say nothing of forces: where the ring finger is touched lightly and far up its side, the
+                // platform that matches best presses with 0.4 N of its own.
                 for (const auto& [method, own] : {std::pair{0, 0.4}, {1, 0.15}})
                     EXPECT_LT(row.methods[std::size_t(method)].error.field_N, 1.3 * row.virtual_force_N + own)
                         << scene << " " << i << " " << row.time << " " << method;
