@@ -10,8 +10,6 @@ inline constexpr int lanes_wanted = 8;
 inline constexpr double difference = 0.02;
 /// A sample touches by half where it bears this much: in full from a few mN on [N].
 inline constexpr double half_touching = 1e-3;
-/// Platforms are thicker than any penetration [m].
-inline constexpr double platform_thickness = 0.004;
 /// Cosine to the platform at rest (70 degrees) from which on what presses comes from beside the pad (`hand` and
 /// `hold_mug`, whose fingers touch each other's sides).
 inline constexpr double from_beside = 0.342;

@@ -5,6 +5,7 @@
 
 #include "devices/matching/least_squares.h"
 #include "engine/skin/solve/solve_skin.h"
+#include "engine/thimbles/fitted.h"
 
 namespace palpate {
 

@@ -8,13 +8,12 @@
 
 #include "devices/matching/matching.h"
 #include "engine/skin/chunks/chunk.h"
-#include "engine/thimbles/fitted.h"
 
 namespace palpate {
 
+inline constexpr double platform_thickness = 0.004;  ///< more than any penetration [m]
 /// Pose of the platform in the finger frame: z along its normal, out of its face, towards the pad; a body of
 /// `platform_thickness` whose middle is the origin.
-using fitted::platform_thickness;
 Pose<double> platform_pose(const DeviceModel& model, const Coordinates& w);
 Shape platform_shape(const DeviceModel& model);
 
