@@ -51,7 +51,7 @@ LaneContact& touch_all(SkinChunk<T>& chunk, const LaneContact& object) {
 double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
                           std::size_t i, double h);
 
-/// Whether a condition comes true within five seconds.
+/// Whether a condition comes true within fifteen seconds.
 template <class Condition>
 bool eventually(Condition condition) {
     for (int k = 0; k < 7500; ++k) {

@@ -166,31 +166,48 @@ TEST_F(Usb, AgesOfCommandsAreToldAtTheWire) {
     EXPECT_SAYS(slow, "warning: it will be felt as lag");
 }
 
-/// The 99th percentile of a step [us].
-double step_p99(const std::string& summary) {
-    std::ifstream in(summary);
-    return nlohmann::json::parse(in)["step_p99_us"].get<double>();
+/// How long each step took [us].
+std::vector<double> step_times(const std::string& steps_csv) {
+    std::ifstream in(steps_csv);
+    std::vector<double> out;
+    std::string line;
+    std::getline(in, line);
+    while (std::getline(in, line)) out.push_back(std::stod(line.substr(line.rfind(',') + 1)));
+    return out;
+}
+double p99(std::vector<double> us) {
+    const auto at = us.begin() + std::ptrdiff_t(0.99 * double(us.size() - 1));
+    std::nth_element(us.begin(), at, us.end());
+    return *at;
 }
 
-/// The simulation waits for no board: a step takes what it takes, whether the board answers or not.
+/// The simulation waits for no board: a step takes what it takes, whether the board answers or not. Of each step the
+/// shortest of all turns counts: what is left in it is what it does, not what else the machine did (the emulation keeps
+/// a core busy while a transfer hangs).
 TEST_F(Usb, ABoardThatHangsSlowsNoStep) {
     const char* asked = std::getenv("PALPATE_HANG_TURNS");
     const int turns = asked ? std::atoi(asked) : 3;
-    std::vector<double> good, hangs;
+    std::vector<double> least[2], p99s[2];
     for (int k = 0; k < turns; ++k)
         for (const bool hang : {false, true}) {
             const Outcome o = emulate(hang ? "--fault hang@100" + logged() : "" + logged(),
                                       run_command(scene(1, 1.5)) + " --set dt_ms=1 --set finger.f0.elements=347");
             ASSERT_EQ(o.code, 0) << o.out;
             if (hang) { EXPECT_SAYS(o, " 1 faults"); }
-            (hang ? hangs : good).push_back(step_p99((scratch.path / "results" / "summary.json").string()));
+            const auto us = step_times((scratch.path / "results" / "steps.csv").string());
+            ASSERT_EQ(us.size(), 1500u);
+            least[hang].resize(us.size(), HUGE_VAL);
+            for (std::size_t i = 0; i < us.size(); ++i) least[hang][i] = std::min(least[hang][i], us[i]);
+            p99s[hang].push_back(p99(us));
         }
-    std::sort(good.begin(), good.end()), std::sort(hangs.begin(), hangs.end());
-    const double ratio = hangs[hangs.size() / 2] / good[good.size() / 2];
-    std::printf("p99 of a step: %.0f us, with a board that hangs %.0f us: %.2f of it\n", good[good.size() / 2],
-                hangs[hangs.size() / 2], ratio);
-    // What a busy machine makes of it; a step that waits for a board takes 100 ms.
-    EXPECT_LT(hangs[hangs.size() / 2], std::max(2 * good[good.size() / 2], 20e3));
+    const double good = p99(least[0]), hangs = p99(least[1]);
+    for (auto& p : p99s) std::sort(p.begin(), p.end());
+    std::printf("p99 of steps, each the shortest of %d: %.0f us, with a board that hangs %.0f us: %.2f of it\n", turns,
+                good, hangs, hangs / good);
+    std::printf("p99 of a run, median of %d: %.0f us, %.0f us\n", turns, p99s[0][std::size_t(turns / 2)],
+                p99s[1][std::size_t(turns / 2)]);
+    // Few turns leave some of what a busy machine does; a step that waits for a board takes 100 ms.
+    EXPECT_LT(hangs, turns >= 9 ? 1.1 * good : std::max(2 * good, 20e3));
 }
 
 /// PALPATE_AGE_SECONDS: fingers that turn to and fro for so long, for figures of how old commands are at the wire.

@@ -270,9 +270,12 @@ TEST(Compare, KindsMethodsAndServo) {
 TEST(Stress, RandomScenesBreakNoLaw) {
     const char* count = std::getenv("PALPATE_RANDOM_SCENES");
     const ScratchFolder folder;
-    const Outcome o = palpate_program("stress --random " + std::string(count ? count : "50") +
-                                      " --seed 1 --no-shrink --out " + folder.path.string());
-    EXPECT_EQ(o.code, 0) << o.out;
+    // Uniform fingers, and those of which nothing is said.
+    for (const auto& [seed, few] : {std::pair{"1", "40"}, {"100000", "20"}}) {
+        const Outcome o = palpate_program("stress --random " + std::string(count ? count : few) + " --seed " + seed +
+                                          " --no-shrink --out " + folder.path.string());
+        EXPECT_EQ(o.code, 0) << o.out;
+    }
 }
 
 /// Scenes that once broke a law: energy in a long step (190), and out of multiplier updates in a row (421).

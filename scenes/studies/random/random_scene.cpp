@@ -431,19 +431,23 @@ void draw_tissue(Random& r, RandomScene& s, int fingers, int elements, double dt
 
 }  // namespace
 
-RandomScene random_scene_fingers(bool other) {
+RandomScene random_scene_fingers(bool other, bool uniform) {
     RandomScene s;
     s.blocks.push_back({"duration_s = 0.01"});
-    s.blocks.push_back(plain_meshes);
+    if (uniform) s.blocks.push_back(plain_meshes);
     int i = 0;
     auto add = [&](Block b) {
         b.insert(b.begin(), {"[[finger]]", line("name = \"finger %d\"", i)});
         b.push_back(line("track = [ { t_s = 0, position_mm = [0, %d, 0] } ]", 40 * i++));
         s.blocks.push_back(b);
     };
-    for (const char* name : {"thumb", "index", "middle", "ring", "little"})
+    for (const char* name : {"thumb", "index", "middle", "ring", "little"}) {
         for (int elements : random_scene_elements)
             add({line("shape = { finger = \"%s\" }", name), line("elements = %d", elements)});
+        if (uniform) continue;
+        for (int elements : random_scene_conforming_elements)
+            add({line("shape = { finger = \"%s\" }", name), line("elements = %d", elements)});
+    }
     if (!other) return s;
     for (const char* preset : {"index-median", "little-small"}) add({line("finger = \"%s\"", preset)});
     add({"shape = { finger = \"index\" }", "elements = 350", "mesh = { kind = \"conforming\", patch = 5 }"});
@@ -464,11 +468,12 @@ RandomScene random_scene(unsigned seed) {
     if (r.chance(0.2)) solver.emplace_back("detail = \"auto\"");
     if (r.chance(0.15)) solver.emplace_back("sample_refinement = 2");
     s.blocks.push_back(solver);
-    s.blocks.push_back(plain_meshes);
+    const bool uniform = seed < first_seed_of_conforming;
+    if (uniform) s.blocks.push_back(plain_meshes);
     if (r.chance(0.6))
         s.blocks.push_back(
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
-    const int size = random_scene_elements[r.integer(0, 2)];
+    const int size = (uniform ? random_scene_elements : random_scene_conforming_elements)[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
     // Every tenth is of fingers alone, every tenth of other fingers and things, every twentieth of tissue.
     if (seed % 10 == 9)

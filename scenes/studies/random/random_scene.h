@@ -14,15 +14,17 @@ struct RandomScene {
 };
 inline constexpr const char* random_mesh_file = "random-thing.obj";
 
-/// Elements of its fingers' meshes.
-inline constexpr int random_scene_elements[] = {120, 180, 250};
+/// Elements of its fingers' meshes: of uniform ones, and where nothing is said, which conform.
+inline constexpr int random_scene_elements[] = {120, 180, 250}, random_scene_conforming_elements[] = {250, 300, 350};
+/// Seeds from here on are of fingers of which nothing is said; those below stay as they were when that meant uniform.
+inline constexpr unsigned first_seed_of_conforming = 100'000;
 
 /// The same scene for the same seed, on every machine.
 RandomScene random_scene(unsigned seed);
 
-/// A scene with one of each finger that random scenes are made of; `other`: presets and conforming ones, too, which the
-/// seeds need that has_other_fingers says.
-RandomScene random_scene_fingers(bool other);
+/// A scene with one of each finger that random scenes are made of, uniform, or as where nothing is said; `other`:
+/// presets and conforming ones, too, which the seeds need that has_other_fingers says.
+RandomScene random_scene_fingers(bool other, bool uniform);
 inline bool has_other_fingers(unsigned seed) { return seed % 10 == 4; }
 
 /// Text of a scene file.

@@ -100,10 +100,10 @@ std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::pa
 }
 
 /// Meshes that random scenes are made of: built once, processes inherit them.
-FingerTemplates random_scene_meshes(const std::filesystem::path& folder, bool other) {
+FingerTemplates random_scene_meshes(const std::filesystem::path& folder, bool other, bool uniform) {
     FingerTemplates templates;
     const std::filesystem::path file = folder / "random-fingers.toml";
-    std::ofstream(file) << to_text(random_scene_fingers(other));
+    std::ofstream(file) << to_text(random_scene_fingers(other, uniform));
     load_scene(file, {}, &templates);
     std::filesystem::remove(file);
     return templates;
@@ -119,7 +119,7 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
                        const std::function<void(const RandomTrial&)>& after_each) {
     bool other = false;
     for (int k = 0; k < std::min(t.count, 10); ++k) other |= has_other_fingers(unsigned(t.first_seed + k));
-    FingerTemplates templates = random_scene_meshes(t.folder, other);
+    FingerTemplates templates = random_scene_meshes(t.folder, other, unsigned(t.first_seed) < first_seed_of_conforming);
     for (int k = 0; k < t.count && !stop; ++k) {
         RandomTrial trial;
         trial.seed = unsigned(t.first_seed + k);
