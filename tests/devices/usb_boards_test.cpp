@@ -142,6 +142,29 @@ TEST_F(Boards, AllNoticeThatTheProgramWasStopped) {
     EXPECT_EQ(o.out.find("thimbles are in their rest pose"), std::string::npos) << o.out;
 }
 
+/// Neither what is recorded nor the audit of the fault can be written: that changes nothing for the other board.
+TEST_F(Boards, OneFaultsOnAFullDiskAndTheOtherGoesOn) {
+    int went_on = 0;
+    for (const std::string blocks : {"0", "1", "8"}) {  // of 512 bytes
+        const Outcome o = emulate("--boards 2 --fault unplug@120 --replug-ms 0" + logged(),
+                                  "sh -c 'ulimit -f " + blocks + "; exec " +
+                                      run_command(seated({maestro(first), maestro(second)}, 1.5)) + "'");
+        const auto all = events();
+        if (!happened(testing::unplugged)) continue;
+        ++went_on;
+        EXPECT_EQ(o.code, 1) << blocks << o.out;
+        EXPECT_SAYS(o, "cannot be written");
+        const int lost = first_board(all, testing::unplugged);
+        expect_safe(of_board(0));
+        expect_safe(of_board(1));
+        EXPECT_EQ(told_after(of_board(lost), first_time(all, testing::unplugged)), 0) << o.out;
+        EXPECT_GT(told_after(of_board(1 - lost), first_time(all, testing::unplugged)), 10) << o.out;
+        expect_at_rest(of_board(1 - lost), 3);
+        EXPECT_SAYS(o, "f" + std::to_string(lost) + " is not known to be in its rest pose");
+    }
+    EXPECT_GE(went_on, 2);
+}
+
 /// Two on USB, a bus of servos and a board of one's own, each on a port. Where the computer stands still ports are
 /// silent, which is a fault, rightly, of theirs alone.
 TEST_F(Boards, OfEveryKindAtOnce) {

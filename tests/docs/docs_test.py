@@ -75,6 +75,11 @@ def links():
             defined = re.compile(rf"TEST(_F|_P)?\({suite}, {'' if name == '*' else name + chr(92) + ')'}")
             found = any(defined.search(f.read_text()) for f in ROOT.glob("tests/*/*_test.cpp"))
             check(found, f"{file.relative_to(ROOT)}: there is no test {suite}.{name}")
+    # Clocks that jump: everything is timed by one that does not (devices/README.md, what is promised).
+    for source in [f for part in ("devices", "engine", "scenes") for f in ROOT.glob(f"{part}/**/*.[ch]*")]:
+        if source.suffix in (".h", ".cpp"):
+            jumps = re.search(r"system_clock|CLOCK_REALTIME|gettimeofday|high_resolution_clock", source.read_text())
+            check(not jumps, f"{source.relative_to(ROOT)}: {jumps and jumps[0]} reads a clock that may jump")
     front = ROOT / "README.md"
     check(len(front.read_text().splitlines()) <= 180, "README.md: more than 180 lines")
     table = front.read_text().split("## Commands")[1].split("\n## ")[0]
