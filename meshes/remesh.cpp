@@ -101,6 +101,14 @@ void collapse_short_edges(WorkMesh& mesh, const Size& size) {
     mesh.garbage_collection();
 }
 
+/// OpenMesh's own is compiled with assertions, in its library, and takes a tenth of all the time of a mesh.
+int valence(const WorkMesh& mesh, WorkMesh::VertexHandle v) {
+    int n = 0;
+    const auto first = mesh.halfedge_handle(v);
+    for (auto h = first; n == 0 || h != first; h = mesh.next_halfedge_handle(mesh.opposite_halfedge_handle(h))) ++n;
+    return n;
+}
+
 /// Flips edges where that brings the valences nearer to six.
 void equalise_valences(WorkMesh& mesh) {
     for (auto e : mesh.edges()) {
@@ -109,7 +117,7 @@ void equalise_valences(WorkMesh& mesh) {
         const auto a = mesh.from_vertex_handle(h), b = mesh.to_vertex_handle(h);
         const auto c = mesh.to_vertex_handle(mesh.next_halfedge_handle(h));
         const auto d = mesh.to_vertex_handle(mesh.next_halfedge_handle(o));
-        auto off = [&](WorkMesh::VertexHandle v, int change) { return std::abs(int(mesh.valence(v)) + change - 6); };
+        auto off = [&](WorkMesh::VertexHandle v, int change) { return std::abs(valence(mesh, v) + change - 6); };
         const int before = off(a, 0) + off(b, 0) + off(c, 0) + off(d, 0);
         const int after = off(a, -1) + off(b, -1) + off(c, 1) + off(d, 1);
         if (after >= before) continue;

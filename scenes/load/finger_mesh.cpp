@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_cache.h"
 #include "meshes/mesh_files.h"
 #include "meshes/patches.h"
 #include "meshes/tetrahedralise.h"
@@ -40,9 +41,15 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
                           1e3 * regions.phalanx_radius * (box[1][2] - box[0][2]), regions.phalanx_radius);
             note += text;
         }
-        return conforming_mesh(surface, regions, r.grading, {.elements = r.elements});
+        MeshKey key("conforming");
+        key.add(surface).add(r.elements).add(r.grading.coarse).add(r.grading.bone);
+        for (double x :
+             {regions.cut, regions.nail, regions.phalanx_length, regions.phalanx_height, regions.phalanx_radius})
+            key.add(x);
+        return made_once(key, [&] { return conforming_mesh(surface, regions, r.grading, {.elements = r.elements}); });
     }
-    return tetrahedralise(surface, {.elements = r.elements});
+    return made_once(MeshKey("uniform").add(surface).add(r.elements),
+                     [&] { return tetrahedralise(surface, {.elements = r.elements}); });
 }
 
 /// What a template is made of, in full.
@@ -61,8 +68,7 @@ std::string template_key(const FingerMeshRequest& r, double nail_drop) {
     return key;
 }
 
-/// Meshing takes half a second of a core: of the templates that were made last, copies are kept for the scenes that
-/// this process loads next.
+/// Of the templates that were made last, copies are kept for the scenes that this process loads next.
 TetMesh kept_or_made(const std::string& key, const FingerMeshRequest& r, const FingerShape& shape, std::string& note) {
     struct Kept {
         TetMesh mesh;

@@ -3,11 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <fstream>
 #include <functional>
 #include <sstream>
 
+#include "meshes/mesh_cache.h"
 #include "meshes/mesh_files.h"
 #include "scenes/load/presets.h"
 #include "scenes/run/simulation.h"
@@ -15,13 +15,6 @@
 namespace palpate {
 
 namespace {
-
-std::filesystem::path cache_folder() {
-    if (const char* xdg = std::getenv("XDG_CACHE_HOME"); xdg && *xdg) return std::filesystem::path(xdg) / "palpate";
-    if (const char* home = std::getenv("HOME"); home && *home)
-        return std::filesystem::path(home) / ".cache" / "palpate";
-    return {};
-}
 
 /// Everything that a step's time depends on, as one number; the program itself by size and time of its file.
 std::string key_of(const std::filesystem::path& scene, const std::vector<std::string>& overrides,

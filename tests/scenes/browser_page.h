@@ -13,7 +13,7 @@ namespace palpate::testing {
 
 /// How a page is looked at.
 struct BrowserWindow {
-    int width = 1280, height = 800;
+    int width = 800, height = 600;
     bool dark = false;
     std::filesystem::path screenshot{};  ///< empty: none is made
 };

@@ -2,6 +2,7 @@
 // presses what, where and how hard. Kept in screenshots/, beside the tests.
 
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <numbers>
 #include <set>
@@ -77,8 +78,10 @@ TEST_P(Screenshots, ShowWhoPressesWhereAndHowHard) {
     std::ostringstream there;
     there << "file://" << file << "#still=1&probe=1&keys=End";
     std::filesystem::create_directories("screenshots");
+    const bool all = std::getenv("PALPATE_ALL_WINDOWS");  // as the nightly preset has it; else one, which is soon looked at
     for (const int width : {390, 900, 1600})
         for (const bool dark : {false, true}) {
+            if (!all && (width != 900 || dark)) continue;
             const std::string look = name + "-" + std::to_string(width) + (dark ? "-dark" : "");
             const std::filesystem::path shot = "screenshots/" + look + ".png";
             std::filesystem::remove(shot);

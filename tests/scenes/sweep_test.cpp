@@ -271,7 +271,7 @@ TEST(Stress, RandomScenesBreakNoLaw) {
     const char* count = std::getenv("PALPATE_RANDOM_SCENES");
     const ScratchFolder folder;
     // Uniform fingers, and those of which nothing is said.
-    for (const auto& [seed, few] : {std::pair{"1", "40"}, {"100000", "20"}}) {
+    for (const auto& [seed, few] : {std::pair{"1", "24"}, {"100000", "12"}}) {
         const Outcome o = palpate_program("stress --random " + std::string(count ? count : few) + " --seed " + seed +
                                           " --no-shrink --out " + folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
