@@ -78,7 +78,8 @@ TEST_P(Screenshots, ShowWhoPressesWhereAndHowHard) {
     std::ostringstream there;
     there << "file://" << file << "#still=1&probe=1&keys=End";
     std::filesystem::create_directories("screenshots");
-    const bool all = std::getenv("PALPATE_ALL_WINDOWS");  // as the nightly preset has it; else one, which is soon looked at
+    const bool all =
+        std::getenv("PALPATE_ALL_WINDOWS");  // as the nightly preset has it; else one, which is soon looked at
     for (const int width : {390, 900, 1600})
         for (const bool dark : {false, true}) {
             if (!all && (width != 900 || dark)) continue;
