@@ -2,11 +2,11 @@
 
 #include "scenes/api/fields.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 
 #include "scenes/run/finger_output.h"
 #include "scenes/run/object_output.h"
+#include "scenes/run/stretches.h"
 
 namespace palpate::api {
 
@@ -58,19 +58,14 @@ void fill_stretches(const World& w, const Skin& skin, double* out) {
     const TetMesh& mesh = skin.mesh;
     w.chunks.with(skin.single_precision, skin.chunk, [&](const auto& chunk) {
         for (const auto& tet : mesh.tets) {
-            Eigen::Matrix3d now, rest;
-            const Vec3<double> origin = node_position(chunk, tet[0], skin.lane);
-            for (int a = 1; a < 4; ++a) {
-                const Vec3<double> edge = node_position(chunk, tet[std::size_t(a)], skin.lane) - origin;
-                now.col(a - 1) << edge.x, edge.y, edge.z;
-                for (std::size_t d = 0; d < 3; ++d)
-                    rest(Eigen::Index(d), a - 1) =
-                        mesh.nodes[std::size_t(tet[std::size_t(a)])][d] - mesh.nodes[std::size_t(tet[0])][d];
+            std::array<Point, 4> now;
+            for (std::size_t a = 0; a < 4; ++a) {
+                const Vec3<double> x = node_position(chunk, tet[a], skin.lane);
+                now[a] = {x.x, x.y, x.z};
             }
-            const Eigen::Matrix3d F = now * rest.inverse();
-            const Eigen::Vector3d sigma = Eigen::JacobiSVD<Eigen::Matrix3d>(F).singularValues();
-            *out++ = sigma[2];
-            *out++ = sigma[0];
+            const Vec3<double> sigma = principal_stretches(corners(mesh.nodes, tet), now);
+            *out++ = sigma.z;
+            *out++ = sigma.x;
         }
     });
 }

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "engine/contact/shape.h"
+#include "engine/math/svd3.h"
 #include "scenes/picture/rest_hand.h"
 
 namespace palpate {
@@ -91,10 +92,12 @@ struct Fit {
         rest_mean /= weight, now_mean /= weight;
         for (std::size_t k = 0; k < places.size(); ++k)
             covariance += weights[k] * (places[k][1] - now_mean) * (places[k][0] - rest_mean).transpose();
-        const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-        Vector3d sign(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+        Mat3<double> C;
+        for (int i = 0; i < 9; ++i) C.m[i / 3][i % 3] = covariance(i / 3, i % 3);
+        const SignedSvd<double> svd = signed_svd(C);  // not Eigen's, which takes ten seconds to compile
+        const Mat3<double> R = times_transposed(svd.U, svd.V);
         Isometry3d T = Isometry3d::Identity();
-        T.linear() = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+        for (int i = 0; i < 9; ++i) T.linear()(i / 3, i % 3) = R.m[i / 3][i % 3];
         T.translation() = now_mean - T.linear() * rest_mean;
         return T;
     }

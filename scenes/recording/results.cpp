@@ -1,6 +1,5 @@
 #include "scenes/recording/results.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -9,6 +8,7 @@
 #include "meshes/mesh_files.h"
 #include "scenes/recording/live_tables.h"
 #include "scenes/recording/svg.h"
+#include "scenes/run/stretches.h"
 
 namespace palpate {
 
@@ -38,17 +38,10 @@ void write_tissue(const fs::path& path, TetMesh mesh, const ContactSurface& cont
         for (int d = 0; d < 3; ++d) force.values[3 * i + d] = contact.force[s][d];
         pressure.values[i] = 1e-3 * norm(contact.force[s]) / contact.area[s];
     }
-    auto edges = [](const std::vector<Point>& x, const std::array<int, 4>& t) {
-        Eigen::Matrix3d D;
-        for (int a = 1; a < 4; ++a)
-            for (int d = 0; d < 3; ++d) D(d, a - 1) = x[t[a]][d] - x[t[0]][d];
-        return D;
-    };
     for (const auto& t : mesh.tets) {
-        const Eigen::Matrix3d F = edges(now, t) * edges(mesh.nodes, t).inverse();
-        const Eigen::Vector3d sigma = Eigen::JacobiSVD<Eigen::Matrix3d>(F).singularValues();
-        low.values.push_back(sigma[2]);
-        high.values.push_back(sigma[0]);
+        const Vec3<double> sigma = principal_stretches(corners(mesh.nodes, t), corners(now, t));
+        low.values.push_back(sigma.z);
+        high.values.push_back(sigma.x);
     }
     mesh.nodes = now;
     write_vtu(path, mesh, {displacement, force, reaction, pressure, region}, {low, high});

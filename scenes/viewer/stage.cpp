@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "engine/contact/contact_edge.h"
-#include "engine/math/svd3.h"
+#include "scenes/run/stretches.h"
 #include "scenes/viewer/bytes.h"
 
 namespace palpate {
@@ -59,21 +59,11 @@ struct Strains {
 };
 Strains strains_of(const TetMesh& mesh, const std::vector<Point>& now, const FingerSpec& f) {
     Strains s{std::vector<double>(mesh.nodes.size(), 0.0), std::vector<char>(mesh.nodes.size(), 0)};
-    auto edges = [](const std::vector<Point>& x, const std::array<int, 4>& t) {
-        Eigen::Matrix3d D;
-        for (int a = 1; a < 4; ++a)
-            for (int d = 0; d < 3; ++d)
-                D(d, a - 1) = x[std::size_t(t[std::size_t(a)])][std::size_t(d)] - x[std::size_t(t[0])][std::size_t(d)];
-        return D;
-    };
     for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
         const auto& t = mesh.tets[e];
         const double low = f.element_low.empty() ? f.limit_low : f.element_low[e],
                      high = f.element_high.empty() ? f.limit_high : f.element_high[e];
-        const Eigen::Matrix3d F = edges(now, t) * edges(mesh.nodes, t).inverse();
-        Mat3<double> m;
-        for (int i = 0; i < 9; ++i) m.m[i / 3][i % 3] = F(i / 3, i % 3);
-        const Vec3<double> sigma = signed_svd(m).sigma;
+        const Vec3<double> sigma = principal_stretches(corners(mesh.nodes, t), corners(now, t));
         const double departure = std::max(std::abs(sigma.x - 1), std::abs(sigma.z - 1));
         const bool limited = f.has_limits && (sigma.x > 0.999 * high || sigma.z < 1.001 * low);
         for (int i : t) {
