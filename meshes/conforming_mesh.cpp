@@ -10,6 +10,7 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_quality.h"
 #include "meshes/remesh.h"
+#include "meshes/smoothstep.h"
 
 namespace palpate {
 
@@ -32,11 +33,6 @@ struct Frame {
     double along(const Vector3d& x) const { return (x[0] - box[0][0]) / length(); }
     double height(const Vector3d& x) const { return (x[2] - box[0][2]) / thickness(); }
 };
-
-double smoothstep(double t) {
-    t = std::clamp(t, 0.0, 1.0);
-    return t * t * (3 - 2 * t);
-}
 
 Vector3d to_eigen(const Point& p) { return {p[0], p[1], p[2]}; }
 

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "meshes/input_error.h"
+#include "meshes/smoothstep.h"
 
 namespace palpate {
 
@@ -42,11 +43,6 @@ namespace {
 double closing_profile(double s, double closing) {
     const double u = std::max(0.0, (s - 1 + closing) / closing);
     return std::sqrt(std::max(0.0, 1 - std::pow(u, 2.2)));
-}
-
-double smoothstep(double t) {
-    t = std::min(1.0, std::max(0.0, t));
-    return t * t * (3 - 2 * t);
 }
 
 /// Height of the tip, and of the widest place of the section at s.

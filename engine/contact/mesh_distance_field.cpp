@@ -21,7 +21,7 @@ using Fine = DistanceMesh::Fine;
 using namespace fitted;
 
 /// A function with its derivatives at a point.
-struct Field {
+struct SampledField {
     double value;
     Vec gradient;
     Mat3<double> hessian;
@@ -38,7 +38,7 @@ struct Spline {
 /// row(i, j, k): value of a cell. `away`: from the middle cell's centre [cells]. Second derivatives where the value is
 /// less than `band` from zero; else they are left at zero.
 template <class Row>
-Field spline_field(const Vec& away, double cell, double band, Row row) {
+SampledField spline_field(const Vec& away, double cell, double band, Row row) {
     const Spline x(away.x), y(away.y), z(away.z);
     std::array<double, 9> value, along, bent;
     for (int k = 0; k < 3; ++k)
@@ -55,7 +55,7 @@ Field spline_field(const Vec& away, double cell, double band, Row row) {
             all += in_z[k] * (in_y[0] * v[3 * k] + in_y[1] * v[3 * k + 1] + in_y[2] * v[3 * k + 2]);
         return all;
     };
-    Field f{
+    SampledField f{
         sum(value, y.weight, z.weight),
         (1 / cell) * Vec{sum(along, y.weight, z.weight), sum(value, y.slope, z.weight), sum(value, y.weight, z.slope)},
         Mat3<double>::zero()};
@@ -102,14 +102,14 @@ bool inside_grid(const DistanceMesh& mesh, const Vec& x) {
 
 /// Splines over what value(index of a cell) says of the coarse grid's cells.
 template <class Value>
-Field coarse_field(const DistanceMesh& mesh, std::size_t middle, const Vec& away, double band, Value value) {
+SampledField coarse_field(const DistanceMesh& mesh, std::size_t middle, const Vec& away, double band, Value value) {
     const std::size_t up = std::size_t(mesh.cells[0]), deep = up * mesh.cells[1];
     const std::size_t first = middle - deep - up - 1;
     return spline_field(away, mesh.cell, band,
                         [&](int i, int j, int k) { return double(value(first + k * deep + j * up + i)); });
 }
 
-Field exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
+SampledField exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
     const MeshPoint p = signed_point(mesh, nearest_triangle(mesh, x, guess));
     return {p.distance, p.normal, Mat3<double>::zero()};
 }
@@ -117,7 +117,7 @@ Field exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
 constexpr int brick_cells = 8, brick_edge = brick_cells + 2;  ///< a brick knows its neighbours' outermost cells
 
 /// Splines over fine cells; exact where there are none.
-Field fine_field(const DistanceMesh& mesh, const Vec& x, double band, int guess) {
+SampledField fine_field(const DistanceMesh& mesh, const Vec& x, double band, int guess) {
     const Fine& fine = mesh.fine;
     if (fine.cell <= 0) return exact_field(mesh, x, guess);
     const Vec relative = (1 / fine.cell) * (x - mesh.grid_low);
@@ -139,7 +139,7 @@ Field fine_field(const DistanceMesh& mesh, const Vec& x, double band, int guess)
 }
 
 /// a + w (b - a).
-Field blend(const Field& a, const Field& b, const Field& w) {
+SampledField blend(const SampledField& a, const SampledField& b, const SampledField& w) {
     const double d = b.value - a.value;
     const Vec dg = b.gradient - a.gradient;
     return {
@@ -151,7 +151,7 @@ Field blend(const Field& a, const Field& b, const Field& w) {
 /// walls, and a force along it would not be as large as its multiplier says. psi = phi (1 + w q): w falls from one at
 /// the surface to zero `band` away from it, q = 1 / sqrt(m) - 1 with m = |grad phi|^2, which short gradients do not let
 /// vanish. The normal is the gradient of psi, of length one where psi = 0.
-MeshPoint of_unit_slope(const Field& f, double band) {
+MeshPoint of_unit_slope(const SampledField& f, double band) {
     const double u = f.value / band;
     if (!(std::abs(u) < 1)) return {f.value, f.gradient};
     constexpr double least = least_gradient2;
@@ -177,7 +177,7 @@ MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x) {
     if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(band), band);
     const int guess = mesh.grid[middle].triangle;
     const bool mixed = !(kind & Fine::all_thin) || (kind & Fine::some_thinnest);
-    Field at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
+    SampledField at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
     if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
         at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
     if (!(kind & Fine::all_thin)) at = blend(coarse(all), at, share(Fine::thin));
