@@ -26,7 +26,7 @@ struct Archetype {
 
 bool same_connectivity(const TetMesh& a, const TetMesh& b) {
     return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes &&
-           a.pad_nodes == b.pad_nodes && a.patches == b.patches;
+           a.pad_nodes == b.pad_nodes && a.patches == b.patches && a.patches_limited == b.patches_limited;
 }
 
 std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {

@@ -18,6 +18,7 @@ struct TetMesh {
     std::vector<int> pad_nodes;               ///< surface nodes that can touch, ascending
     std::vector<int>
         patches;  ///< [tet] number, from 0, of the patch that shares one change of volume; empty: none does
+    bool patches_limited = false;  ///< strain limits are of patches' mean deformation, instead of each tetrahedron's
 };
 
 }  // namespace palpate

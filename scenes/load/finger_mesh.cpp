@@ -148,6 +148,7 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
     }
     if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
+    mesh.patches_limited = r.patches_limited && !mesh.patches.empty();
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

@@ -21,6 +21,7 @@ struct FingerMeshRequest {
     int elements = 347;
     enum class Kind { uniform, conforming } kind = Kind::uniform;  ///< of a parametric finger or a surface
     int patch = 0;            ///< elements that share one change of volume; 0: none do
+    bool patches_limited = false;  ///< strain limits are of patches, where there are some
     bool by_default = false;  ///< kind and patch are those of scenes that say nothing of them
     Grading grading;          ///< of a conforming mesh
     FingerRegions regions;

@@ -69,6 +69,12 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
         "patch", r.patch, {0, 16},
         "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
         "none do.");
+    int limited = r.patches_limited;
+    s.choice(
+        "limits", limited, {"elements", "patches"},
+        "Whose stretches strain limits hold: each tetrahedron's, or those of patches' mean deformation, which change "
+        "less with the mesh and saturate less in spots. Without patches: each tetrahedron's.");
+    r.patches_limited = limited == 1;
 }
 
 namespace {
@@ -110,7 +116,7 @@ void read_mesh(Section& s, const std::filesystem::path& folder, FingerModel& m, 
     s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
     read_how_meshed(s, r);
     const bool from_file = !surface.empty() || !tets.empty();
-    const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch");
+    const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch") || s.has("limits");
     if (!from_file && s.in_file() && !only_how && s.sound("surface") && s.sound("tets"))
         s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
     if (!surface.empty() && !tets.empty()) s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
@@ -335,7 +341,8 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (r.kind == FingerMeshRequest::Kind::conforming)
         how << "kind = \"conforming\", coarse = " << r.grading.coarse << ", bone = " << r.grading.bone << ", ";
     how << "patch = " << r.patch;
-    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0;
+    if (r.patches_limited) how << ", limits = \"patches\"";
+    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !r.patches_limited;
     if (r.source == FingerMeshRequest::Source::parametric)
         out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
             << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge

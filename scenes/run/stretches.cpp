@@ -13,17 +13,47 @@ Mat3<double> edges(const std::array<Point, 4>& x) {
     return D;
 }
 
-}  // namespace
+/// Volume, and volume times the deformation gradient.
+struct Deformation {
+    double volume = 0;
+    Mat3<double> times_volume = Mat3<double>::zero();
+};
 
-Vec3<double> principal_stretches(const std::array<Point, 4>& rest, const std::array<Point, 4>& now) {
+Deformation deformation_of(const std::array<Point, 4>& rest, const std::array<Point, 4>& now) {
     const Mat3<double> D = edges(rest);
     // The rows of the inverse are cross products of columns over the determinant.
     const Vec3<double> a = D.column(0), b = D.column(1), c = D.column(2);
-    const double one_over = 1 / dot(a, cross(b, c));
-    const Vec3<double> rows[3] = {one_over * cross(b, c), one_over * cross(c, a), one_over * cross(a, b)};
-    Mat3<double> inverse;
-    for (int i = 0; i < 3; ++i) inverse.m[i][0] = rows[i].x, inverse.m[i][1] = rows[i].y, inverse.m[i][2] = rows[i].z;
-    return signed_svd(edges(now) * inverse).sigma;
+    const Vec3<double> rows[3] = {cross(b, c), cross(c, a), cross(a, b)};
+    Mat3<double> cofactors;
+    for (int i = 0; i < 3; ++i)
+        cofactors.m[i][0] = rows[i].x, cofactors.m[i][1] = rows[i].y, cofactors.m[i][2] = rows[i].z;
+    return {dot(a, cross(b, c)) / 6, (1.0 / 6) * (edges(now) * cofactors)};
+}
+
+Vec3<double> stretches(const Deformation& d) { return signed_svd((1 / d.volume) * d.times_volume).sigma; }
+
+}  // namespace
+
+Vec3<double> principal_stretches(const std::array<Point, 4>& rest, const std::array<Point, 4>& now) {
+    return stretches(deformation_of(rest, now));
+}
+
+std::vector<Vec3<double>> limited_stretches(const TetMesh& mesh, const std::vector<Point>& now) {
+    const std::size_t count = mesh.tets.size();
+    std::vector<Vec3<double>> out(count);
+    std::vector<Deformation> of_patch;
+    for (std::size_t e = 0; e < count; ++e) {
+        const Deformation own = deformation_of(corners(mesh.nodes, mesh.tets[e]), corners(now, mesh.tets[e]));
+        out[e] = stretches(own);
+        if (!mesh.patches_limited || mesh.patches[e] < 0) continue;
+        const auto patch = std::size_t(mesh.patches[e]);
+        if (patch >= of_patch.size()) of_patch.resize(patch + 1);
+        of_patch[patch].volume += own.volume;
+        of_patch[patch].times_volume = of_patch[patch].times_volume + own.times_volume;
+    }
+    for (std::size_t e = 0; e < count && mesh.patches_limited; ++e)
+        if (mesh.patches[e] >= 0) out[e] = stretches(of_patch[std::size_t(mesh.patches[e])]);
+    return out;
 }
 
 }  // namespace palpate

@@ -2,6 +2,7 @@
 // How far tetrahedra are stretched, for results and pictures.
 
 #include <array>
+#include <vector>
 
 #include "engine/math/linear_algebra.h"
 #include "meshes/tet_mesh.h"
@@ -12,7 +13,11 @@ namespace palpate {
 /// negative where it is turned inside out.
 Vec3<double> principal_stretches(const std::array<Point, 4>& rest, const std::array<Point, 4>& now);
 
-/// The same of one of a mesh.
+/// Of each tetrahedron of a mesh whose nodes are at `now`, the principal stretches that strain limits see: its own, or
+/// where limits are of patches, those of its patch's mean deformation.
+std::vector<Vec3<double>> limited_stretches(const TetMesh& mesh, const std::vector<Point>& now);
+
+/// The corners of one of a mesh.
 template <class Node>  ///< of [node], with three numbers
 std::array<Point, 4> corners(const std::vector<Node>& nodes, const std::array<int, 4>& tet) {
     std::array<Point, 4> out;

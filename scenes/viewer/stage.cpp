@@ -59,11 +59,12 @@ struct Strains {
 };
 Strains strains_of(const TetMesh& mesh, const std::vector<Point>& now, const FingerSpec& f) {
     Strains s{std::vector<double>(mesh.nodes.size(), 0.0), std::vector<char>(mesh.nodes.size(), 0)};
+    const std::vector<Vec3<double>> stretches = limited_stretches(mesh, now);
     for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
         const auto& t = mesh.tets[e];
         const double low = f.element_low.empty() ? f.limit_low : f.element_low[e],
                      high = f.element_high.empty() ? f.limit_high : f.element_high[e];
-        const Vec3<double> sigma = principal_stretches(corners(mesh.nodes, t), corners(now, t));
+        const Vec3<double>& sigma = stretches[e];
         const double departure = std::max(std::abs(sigma.x - 1), std::abs(sigma.z - 1));
         const bool limited = f.has_limits && (sigma.x > 0.999 * high || sigma.z < 1.001 * low);
         for (int i : t) {

@@ -13,9 +13,10 @@ using testing::block_mesh;
 using testing::ChunkOptions;
 using testing::make_chunk;
 
-TetMesh patched_block(int nx, int ny, int nz, int size = 5) {
+TetMesh patched_block(int nx, int ny, int nz, int size = 5, bool limited = false) {
     TetMesh mesh = block_mesh(nx, ny, nz, 0.004);
     make_patches(mesh, size);
+    mesh.patches_limited = limited;
     return mesh;
 }
 
@@ -51,11 +52,23 @@ TEST(Patches, AreConnectedAndOfAboutTheSizeAskedFor) {
     EXPECT_ANY_THROW(make_patches(mesh, 17));
 }
 
-TEST(Patches, ForceIsTheEnergysGradientAndStiffnessTheForces) {
-    auto chunk = make_chunk<double>(patched_block(2, 2, 2), Pose<double>::identity(),
-                                    {.low = 0.9, .high = 1.1, .poisson = 0.48});
+/// With limits of elements, and with limits of patches, with and without multipliers.
+class PatchDerivatives : public ::testing::TestWithParam<std::pair<bool, double>> {};
+
+TEST_P(PatchDerivatives, ForceIsTheEnergysGradientAndStiffnessTheForces) {
+    const auto [limited, multipliers] = GetParam();
+    auto chunk = make_chunk<double>(patched_block(2, 2, 2, 5, limited), Pose<double>::identity(),
+                                    {.low = 0.95, .high = 1.05, .poisson = 0.48});
     ASSERT_FALSE(chunk.topology->patches.empty());
     scramble(chunk, 3, 6e-4);
+    if (limited) {
+        std::mt19937 random(5);
+        std::uniform_real_distribution<double> u(-multipliers, multipliers);
+        for (double& m : chunk.state.limit_multiplier) m = u(random);
+        chunk.limits.unloaded = false;
+        const int beyond = int(evaluate_tissue(chunk, 1.0).limited);
+        EXPECT_GT(beyond, int(chunk.topology->patches.size()) / 2);
+    }
     const SkinTopology& t = *chunk.topology;
     const std::size_t n = std::size_t(3 * t.node_count);
     evaluate_tissue(chunk, 1.0);
@@ -88,6 +101,8 @@ TEST(Patches, ForceIsTheEnergysGradientAndStiffnessTheForces) {
         if (HasFailure()) break;
     }
 }
+INSTANTIATE_TEST_SUITE_P(Limits, PatchDerivatives,
+                         ::testing::Values(std::pair{false, 0.0}, std::pair{true, 0.0}, std::pair{true, 1e3}));
 
 TEST(Patches, RigidMotionGivesNoForceAndAffineMotionBalances) {
     const Pose<double> pose{{0.1, -0.2, 0.3}, normalised(Quaternion<double>{0.2, 0.6, 0.8, -0.1})};
@@ -191,39 +206,95 @@ TEST(Patches, KeepCoarseMeshesFromLockingNearIncompressibility) {
     EXPECT_NEAR(pressed_force(4, 5, 0.1) / pressed_force(4, 0, 0.1), 1, 0.03);
 }
 
-TEST(Patches, GiveTheSameBitsAloneAndInLanesAndAgreeInFloat) {
-    auto forces = [](int fingers, bool single) {
+/// Lowest and highest stretches of the mean deformation of each patch, and of each element.
+struct Stretches {
+    double patch_low = HUGE_VAL, patch_high = 0, element_low = HUGE_VAL, element_high = 0;
+};
+Stretches stretches_of(const SkinChunk<double>& c) {
+    Stretches s;
+    for (const VolumePatch& patch : c.topology->patches) {
+        const Vec3<double> mean = signed_svd(detail::patch_deformation<double>(c, patch)).sigma;
+        s.patch_low = std::min(s.patch_low, mean.z), s.patch_high = std::max(s.patch_high, mean.x);
+    }
+    for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
+        const Vec3<double> own = signed_svd(detail::element_deformation<double>(c, e)).sigma;
+        s.element_low = std::min(s.element_low, own.z), s.element_high = std::max(s.element_high, own.x);
+    }
+    return s;
+}
+
+/// A block that is pressed far beyond what its limits allow: by springs of the bone with up to a thousand newtons.
+TEST(Patches, LimitsOfPatchesHoldUnderAnyLoad) {
+    for (const double newtons : {1.0, 10.0, 1000.0}) {
         SceneSpec scene;
-        for (int k = 0; k < fingers; ++k) {
-            FingerSpec& f = scene.fingers.emplace_back();
-            f.name = "block" + std::to_string(k);
-            f.mesh = block_mesh(3, 2, 2, 0.004);
-            make_patches(f.mesh, 4);
-            f.poisson_ratio = 0.48;
-            f.has_limits = true;
-            f.single_precision = single;
-            f.start.position = {0.05 * k, 0, 0.005};
-        }
+        scene.solver = {};
+        FingerSpec& f = scene.fingers.emplace_back();
+        f.name = "block";
+        f.mesh = patched_block(3, 3, 3, 5, true);
+        f.poisson_ratio = 0.45, f.young_modulus = 10e3;
+        f.has_limits = true, f.limit_low = 0.75, f.limit_high = 1.25;
+        f.coupling.stiffness = newtons / 0.01, f.coupling.angular_stiffness = 1e3, f.coupling.max_force = 1e5;
+        f.coupling.max_torque = 1e4;
+        f.start.position = {0, 0, 0.013};
         ObjectSpec& plane = scene.objects.emplace_back();
         plane.name = "plane";
         plane.shape.kind = ShapeKind::plane;
-        plane.friction = 0.5;
         World world = build_world(scene);
+        ASSERT_TRUE(world.chunks.doubles[0].topology->patches_limited);
         Threads threads(1);
-        for (int k = 1; k <= 40; ++k) {
-            for (int i = 0; i < fingers; ++i) {
-                Pose<double> pose = scene.fingers[std::size_t(i)].start;
-                pose.position.z = 0.004 - 0.00004 * k * (1 + 0.2 * i), pose.position.x += 0.00002 * k;
-                world.tracker_poses[std::size_t(i)].incoming = {pose, 0.005 * k, true};
-            }
+        for (int k = 1; k <= 400; ++k) {
+            Pose<double> pose = f.start;
+            pose.position.z -= 1e-4 * std::min(k, 140);  // to 1 cm beyond where nothing yields any more
+            world.tracker_poses[0].incoming = {pose, 0.005 * k, true};
             step(world, threads);
         }
-        return world.contact_surfaces[0].total;
-    };
-    const Vec3<double> alone = forces(1, false), beside = forces(3, false), single = forces(1, true);
-    EXPECT_GT(alone.z, 0.1);
-    for (int d = 0; d < 3; ++d) EXPECT_EQ(alone[d], beside[d]);
-    EXPECT_LT(norm(single - alone), 0.01 * norm(alone));
+        const SkinChunk<double>& c = world.chunks.doubles[0];
+        const Stretches s = stretches_of(c);
+        const double force = world.contact_surfaces[0].total.z;
+        EXPECT_GT(force, 0.35 * newtons);
+        EXPECT_LT(s.patch_high, 1.25 * 1.001) << newtons;
+        EXPECT_GT(s.patch_low, 0.75 * 0.999) << newtons;
+        EXPECT_GT(s.element_low, 0.05) << newtons << ": an element is turned inside out, or nearly";
+        EXPECT_TRUE(c.status[0].converged) << newtons;
+    }
+}
+
+TEST(Patches, GiveTheSameBitsAloneAndInLanesAndAgreeInFloat) {
+    for (const bool limited : {false, true}) {
+        auto forces = [limited](int fingers, bool single) {
+            SceneSpec scene;
+            for (int k = 0; k < fingers; ++k) {
+                FingerSpec& f = scene.fingers.emplace_back();
+                f.name = "block" + std::to_string(k);
+                f.mesh = block_mesh(3, 2, 2, 0.004);
+                make_patches(f.mesh, 4);
+                f.mesh.patches_limited = limited;
+                f.poisson_ratio = 0.48;
+                f.has_limits = true, f.limit_low = 0.85, f.limit_high = 1.15;
+                f.single_precision = single;
+                f.start.position = {0.05 * k, 0, 0.005};
+            }
+            ObjectSpec& plane = scene.objects.emplace_back();
+            plane.name = "plane";
+            plane.shape.kind = ShapeKind::plane;
+            plane.friction = 0.5;
+            World world = build_world(scene);
+            Threads threads(1);
+            for (int k = 1; k <= 40; ++k) {
+                for (int i = 0; i < fingers; ++i) {
+                    Pose<double> pose = scene.fingers[std::size_t(i)].start;
+                    pose.position.z = 0.004 - 0.00004 * k * (1 + 0.2 * i), pose.position.x += 0.00002 * k;
+                    world.tracker_poses[std::size_t(i)].incoming = {pose, 0.005 * k, true};
+                }
+                step(world, threads);
+            }
+            return world.contact_surfaces[0].total;
+        };
+        const Vec3<double> alone = forces(1, false), beside = forces(3, false), single = forces(1, true);
+        EXPECT_GT(alone.z, 0.1);
+        for (int d = 0; d < 3; ++d) EXPECT_EQ(alone[d], beside[d]);
+        EXPECT_LT(norm(single - alone), 0.01 * norm(alone));
+    }
 }
 
 }  // namespace

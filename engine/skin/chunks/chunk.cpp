@@ -24,7 +24,7 @@ void resize_fields(SkinChunk<T>& c) {
     ContactSlots& s = c.contacts;
     s.slot.resize(std::size_t(s.capacity));
     s.lane_contact.resize(std::size_t(s.capacity * c.width));
-    if (c.has_limits) c.scratch.noted_limits.reserve(c.topology->elements.size());
+    if (c.has_limits) c.scratch.noted_limits.reserve(c.topology->limit_count());
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     for_each_field(c, [&](auto& array, const Field& f) {
         array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),
@@ -82,6 +82,28 @@ Eigen::Matrix<double, 3, 2> tangents_of(const std::vector<Point>& normals, std::
     return tangents;
 }
 
+/// Limits of patches: their elements' means, by volume. Elements themselves are then held by the squares of their own
+/// limits: wide enough to leave it to their patch, and near enough that none is turned inside out under any load.
+template <class T>
+void set_patch_limits(SkinChunk<T>& c, int lane) {
+    const SkinTopology& t = *c.topology;
+    const auto at = [&](std::size_t limit) { return limit * std::size_t(c.width) + std::size_t(lane); };
+    for (std::size_t k = 0; k < t.patches.size(); ++k)
+        for (LaneArray<T>* values : {&c.rest.limit_low, &c.rest.limit_high, &c.rest.limit_penalty}) {
+            double sum = 0, volume = 0;
+            for (int i = 0; i < t.patches[k].count; ++i) {
+                const std::size_t e = at(std::size_t(t.patches[k].first + i));
+                sum += double(c.rest.volume[e]) * double((*values)[e]);
+                volume += double(c.rest.volume[e]);
+            }
+            (*values)[at(t.elements.size() + k)] = T(sum / volume);
+        }
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        c.rest.limit_low[at(e)] *= c.rest.limit_low[at(e)];
+        c.rest.limit_high[at(e)] *= c.rest.limit_high[at(e)];
+    }
+}
+
 /// Rest data of the elements of one lane; adds up the nodes' masses.
 template <class T>
 void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
@@ -129,6 +151,7 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
             compliance += double(c.rest.volume[e * W + lane]) / double(c.rest.lambda[e * W + lane]);
         c.rest.patch_bulk[k * std::size_t(W) + std::size_t(lane)] = T(1 / compliance);
     }
+    if (c.has_limits && t.patches_limited) set_patch_limits(c, lane);
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
     for (int i = 0; i < t.node_count; ++i) {
         c.rest.mass[i * W + lane] = T(mass[i]);

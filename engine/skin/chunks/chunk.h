@@ -26,8 +26,8 @@ struct SkinRest {
     LaneArray<T> patch_bulk;                    ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
     LaneArray<T> membrane_mu, membrane_lambda;  ///< [element] in plane stress [Pa]; empty without membranes
     LaneArray<T> membrane_tangents;             ///< [element][2][xyz] of the skin, rest shape; empty without membranes
-    LaneArray<T> limit_low, limit_high;         ///< [element] bounds on principal stretches; empty without limits
-    LaneArray<T> limit_penalty;                 ///< [element] base penalty of the limits [Pa]; empty without limits
+    LaneArray<T> limit_low, limit_high;         ///< [limit] bounds on principal stretches; empty without limits
+    LaneArray<T> limit_penalty;                 ///< [limit] base penalty of the limits [Pa]; empty without limits
     LaneArray<T> mass;                          ///< [node] [kg]
     LaneArray<T> contact_penalty;               ///< [sample] [N/m]
     LaneArray<T> contact_area;      ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
@@ -48,7 +48,7 @@ struct SkinState {
     LaneArray<T> velocity;           ///< [node][xyz] [m/s]
     LaneArray<T> bone;               ///< [px py pz qw qx qy qz], position from the origin
     LaneArray<T> bone_velocity;      ///< [linear xyz, angular xyz] [m/s, rad/s]
-    LaneArray<T> limit_multiplier;   ///< [element][3x3] Lambda [Pa]; empty without limits
+    LaneArray<T> limit_multiplier;   ///< [limit][3x3] Lambda [Pa]; empty without limits
     LaneArray<T> normal_multiplier;  ///< [slot][sample] [N]
     LaneArray<T> contact_side;       ///< [slot][sample] face of a box or cylinder that it is on (sided_point); 0: none
     LaneArray<T>
@@ -63,7 +63,7 @@ struct SkinState {
 
 /// An element that may be at a strain limit, or bears one's multiplier, in some lanes (bits).
 struct NotedLimit {
-    int element;
+    int limit;  ///< an element's number, or that of the elements and a patch's (SkinTopology::limit_count)
     unsigned lanes;
 };
 
@@ -94,7 +94,7 @@ struct SkinScratch {
     LaneArray<T> sample_curvature;      ///< [sample][3x3] and of the matrix
     LaneArray<T> sample_residual;       ///< [sample][xyz]
     LaneArray<T> panels, panel_work;    ///< of the supernodal factor, for a finger alone in its chunk
-    LaneArray<T> limit_candidate;       ///< [element][3x3] updated multipliers: the limits' stress
+    LaneArray<T> limit_candidate;       ///< [limit][3x3] updated multipliers: the limits' stress
     LaneArray<T> normal_candidate;      ///< [slot][sample] normal force [N]
     LaneArray<T> tangential_candidate;  ///< [slot][sample][xyz]
     LaneArray<T>
@@ -121,7 +121,7 @@ struct LinearTissue {
     LaneArray<T> force;        ///< [node][xyz] gradient of the tissue's energy there [N]
     LaneArray<T> blocks;       ///< [pair][3x3] and its Hessian [N/m]
     LaneArray<T> energy;       ///< [1] there [J]
-    LaneArray<T> watched;      ///< [element] 1 where near a strain limit, else 0; empty without limits
+    LaneArray<T> watched;      ///< [limit] 1 where near a strain limit, else 0; empty without limits
     LaneArray<T> reach;        ///< [1] a change of the others' deformation gradients below this meets no limit
     LaneArray<T> bound;        ///< [1] force error allowed in this step [N]
     LaneArray<T> error;        ///< [1] force error at the last evaluation, estimated [N]

@@ -53,7 +53,7 @@ struct FieldSizes {
           everything(3 * (N + 2)),
           decomposed(c.material == Material::corotational ? 0 : E),
           membranes(c.has_membranes ? E : 0),
-          limited(c.has_limits ? E : 0),
+          limited(c.has_limits ? c.topology->limit_count() : 0),
           samples(c.contacts.capacity > 0 ? S : 0),
           rubbing(c.has_friction ? S : 0),
           body(c.has_bodies ? 1 : 0),

@@ -245,6 +245,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
                          [&](int a, int b) { return mesh.patches[a] < mesh.patches[b]; });
     for (int e : t.mesh_element) t.elements.push_back(mesh.tets[e]);
     if (!mesh.patches.empty()) collect_patches(t, mesh);
+    t.patches_limited = mesh.patches_limited && !t.patches.empty();
     const Adjacency graph = node_graph(t);
     order_unknowns(t, graph, in_bone);
     build_pattern(t, graph, in_bone);

@@ -70,6 +70,7 @@ struct SkinTopology {
     std::vector<std::array<int, 10>> element_block;  ///< destination of each of block_pair (isotropic.h)
 
     std::vector<VolumePatch> patches;            ///< empty: every element has its own volume term
+    bool patches_limited = false;                ///< strain limits are of patches, too
     std::vector<int> patch_nodes, patch_blocks;  ///< as VolumePatch says
     std::vector<std::array<int, 4>>
         element_place;  ///< [element] its nodes' places in patch_nodes, from the patch's first
@@ -91,6 +92,8 @@ struct SkinTopology {
     std::vector<int> samples;              ///< nodes at which contact is decided
     std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
     std::size_t sample_count() const { return samples.size() + face_samples.size(); }
+    /// Strain limits: of the elements, then of the patches.
+    std::size_t limit_count() const { return elements.size() + (patches_limited ? patches.size() : 0); }
 };
 
 /// Two nodes that share an element, or a patch of them, a not before b, and the block of their stiffness; a = b for a

@@ -66,7 +66,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     }
     place_bone_nodes<R>(c);
     if (!c.has_limits || c.limits.unloaded) return;
-    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+    for (std::size_t e = 0; e < t.limit_count(); ++e) {
         T* p = &c.state.limit_multiplier[9 * e * W];
         store_mat3<R>(p, rotation * load_mat3<R>(p));
     }
@@ -77,7 +77,7 @@ template <class R>
 inline void clear_unwatched_candidates(SkinChunk<ScalarOf<R>>& c) {
     constexpr int W = lane_width<R>;
     const MaskOf<R> linear = mask_from_bits<R>(c.linear_lanes);
-    for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
+    for (std::size_t e = 0; e < c.topology->limit_count(); ++e) {
         const MaskOf<R> unwatched = linear & (load<R>(&c.linear.watched[e * W]) <= R(0));
         auto* candidate = &c.scratch.limit_candidate[9 * e * W];
         if (any(unwatched)) store_mat3<R>(candidate, select(unwatched, Mat3<R>::zero(), load_mat3<R>(candidate)));
@@ -95,7 +95,7 @@ inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     };
     if (c.has_limits && !(c.limits.unloaded && c.limits.candidates_clear)) {
         if (c.linear_lanes != 0) clear_unwatched_candidates<R>(c);
-        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->elements.size());
+        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->limit_count());
         const bool all_lanes = (bits_from_mask<R>(lanes) & c.used_lanes) == c.used_lanes;
         c.limits.unloaded = (all_lanes || c.limits.unloaded) && c.limits.candidates_clear;
     }

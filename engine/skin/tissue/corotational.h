@@ -219,6 +219,16 @@ inline void add_element_sums(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>
     }
 }
 
+/// Lanes in which element e bears a limit's multiplier.
+template <class R>
+inline unsigned loaded_lanes(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
+    if (c.limits.unloaded) return 0;
+    R largest(0);
+    for (std::size_t i = 0; i < 9; ++i)
+        largest = maximum(absolute(load<R>(&c.state.limit_multiplier[(9 * e + i) * lane_width<R>])), largest);
+    return bits_from_mask<R>(largest > R(0));
+}
+
 /// Elements that may be at a strain limit, or bear one's multiplier, are noted: add_noted_limits takes them in turn.
 template <class R, class Q>
 inline void note_limits(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
@@ -232,44 +242,54 @@ inline void note_limits(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& ele
     for (int k = 0; k < elements.count; ++k) {
         const std::size_t e = elements.first + std::size_t(k);
         unsigned lanes = (beyond >> (k * W)) & ((1u << W) - 1);
-        if (!c.limits.unloaded) {
-            R largest(0);
-            for (std::size_t i = 0; i < 9; ++i)
-                largest = maximum(absolute(load<R>(&c.state.limit_multiplier[(9 * e + i) * W])), largest);
-            lanes |= bits_from_mask<R>(largest > R(0));
-        }
+        lanes |= loaded_lanes<R>(c, e);
         if (lanes != 0 || watches) c.scratch.noted_limits.push_back({int(e), lanes});
     }
 }
 
-/// Strain limits of the elements that were noted.
+/// Strain limit of an element that was noted.
 template <Want want, class R>
-inline void add_noted_limits(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+inline void add_noted_limit(SkinChunk<ScalarOf<R>>& c, const NotedLimit& note, const Mat3<R>& F,
+                            const SignedSvd<R>& svd, const ElementRequest<R>& request, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
+    const auto e = std::size_t(note.limit);
+    if (request.watches) watch_strain_limit(c, e, svd.sigma, request.watched, out);
+    if (note.lanes == 0) return;
+    Vec3<R> g[3];
+    for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * std::size_t(a)) * W]);
+    add_strain_limit<want>(c, e, F, svd, g, load<R>(&c.rest.volume[e * W]), request.limit_exactness,
+                           request.limits & mask_from_bits<R>(note.lanes), out);
+}
+
+/// Decomposes, several in a register, what was noted: apply(note, F, its decomposition), with F from
+/// deformation_of(number of the limit).
+template <class R, class Deformation, class Apply>
+inline void take_noted_limits(SkinChunk<ScalarOf<R>>& c, Deformation deformation_of, Apply apply) {
     const auto& noted = c.scratch.noted_limits;
     for (std::size_t n = 0; n < noted.size(); n += elements_at_once<R>) {
         const int count = std::min(elements_at_once<R>, int(noted.size() - n));
         Mat3<R> F[elements_at_once<R>], guess[elements_at_once<R>];
         SignedSvd<R> svd[elements_at_once<R>];
         for (int k = 0; k < count; ++k) {
-            F[k] = element_deformation<R>(c, std::size_t(noted[n + std::size_t(k)].element));
+            F[k] = deformation_of(std::size_t(noted[n + std::size_t(k)].limit));
             guess[k] = Mat3<R>::identity();
         }
         if constexpr (shares_register<R>)
             signed_svds<R>(F, guess, count, svd);
         else
             svd[0] = signed_svd(F[0]);
-        for (int k = 0; k < count; ++k) {
-            const auto [element, lanes] = noted[n + std::size_t(k)];
-            const auto e = std::size_t(element);
-            if (request.watches) watch_strain_limit(c, e, svd[k].sigma, request.watched, out);
-            if (lanes == 0) continue;
-            Vec3<R> g[3];
-            for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * std::size_t(a)) * W]);
-            add_strain_limit<want>(c, e, F[k], svd[k], g, load<R>(&c.rest.volume[e * W]), request.limit_exactness,
-                                   request.limits & mask_from_bits<R>(lanes), out);
-        }
+        for (int k = 0; k < count; ++k) apply(noted[n + std::size_t(k)], F[k], svd[k]);
     }
+}
+
+/// Strain limits of the elements that were noted.
+template <Want want, class R>
+inline void add_noted_limits(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
+    take_noted_limits<R>(
+        c, [&](std::size_t e) { return element_deformation<R>(c, e); },
+        [&](const NotedLimit& note, const Mat3<R>& F, const SignedSvd<R>& svd) {
+            add_noted_limit<want>(c, note, F, svd, request, out);
+        });
 }
 
 /// Forgets what was noted; updated multipliers of elements that are not at a limit are zero.

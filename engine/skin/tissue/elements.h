@@ -72,13 +72,13 @@ inline void add_general_stiffness(SkinChunk<ScalarOf<R>>& c, std::size_t e, cons
         add_block<R>(c.scratch.blocks.data(), c.topology->element_block[e][b], blocks.block[b]);
 }
 
-/// Strain limit of one element in the masked lanes. Adds to gradient and blocks, writes the updated multiplier.
-template <Want want, class R>
-inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
-                             const Vec3<R> g[3], const R& volume, const R& exactness, MaskOf<R> lanes,
-                             Evaluation<R>& out) {
+/// Strain limit number e in the masked lanes: of an element, or a patch, that has the deformation gradient F.
+/// Writes the updated multiplier; `act(stress, change since the multiplier, its decomposition, terms)` adds to gradient
+/// and blocks.
+template <class R, class Act>
+inline void add_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                      const R& volume, const R& exactness, MaskOf<R> lanes, Evaluation<R>& out, Act act) {
     constexpr int W = lane_width<R>;
-    const SkinTopology& t = *c.topology;
     const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
     const Vec3<R>& s = svd.sigma;
     const MaskOf<R> beyond =
@@ -124,14 +124,27 @@ inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat
         blend_curvature(strain_limit<Curvature::exact>(shifted.sigma, low, high, k),
                         strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
     const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
-    scatter_stress(stress, g, volume, t.elements[e], c.scratch.gradient.data());
-    scatter_stress(stress - multiplier, g, volume, t.elements[e], c.scratch.pending.data());
-    if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, shifted, terms, g, volume);
+    act(stress, stress - multiplier, shifted, terms);
     R squared(0);
     for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
     out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
     out.limited += select(dot(terms.stress, terms.stress) > R(0), R(1), R(0));
     keep_candidate(stress);
+}
+
+/// Strain limit of one element.
+template <Want want, class R>
+inline void add_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F, const SignedSvd<R>& svd,
+                             const Vec3<R> g[3], const R& volume, const R& exactness, MaskOf<R> lanes,
+                             Evaluation<R>& out) {
+    const auto& nodes = c.topology->elements[e];
+    add_limit(
+        c, e, F, svd, volume, exactness, lanes, out,
+        [&](const Mat3<R>& stress, const Mat3<R>& change, const SignedSvd<R>& at, const PrincipalTerms<R>& terms) {
+            scatter_stress(stress, g, volume, nodes, c.scratch.gradient.data());
+            scatter_stress(change, g, volume, nodes, c.scratch.pending.data());
+            if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, at, terms, g, volume);
+        });
 }
 
 /// Elasticity of any material, from its terms with exact and with positive curvature.
@@ -155,7 +168,8 @@ inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t 
     return deformation_gradient(x, g);
 }
 
-/// Notes for the masked lanes whether an element is near a limit, or held by one; how near the others are.
+/// Notes for the masked lanes whether an element, or a patch, is near limit number e, or held by it; how near the
+/// others are.
 template <class R>
 inline void watch_strain_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Vec3<R>& sigma, MaskOf<R> lanes,
                                Evaluation<R>& out) {

@@ -64,7 +64,10 @@ inline void follow_linear_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone)
         R squared(0);
         for (int i = 0; i < 9; ++i) squared += change.m[i / 3][i % 3] * change.m[i / 3][i % 3];
         error += load<R>(&l.weight[e * W]) * squared;
-        if (!l.watched.empty()) largest = maximum(select(load<R>(&l.watched[e * W]) > R(0), R(0), squared), largest);
+        if (l.watched.empty()) continue;
+        // A patch that is not watched changes by no more than the most of its elements, watched ones included.
+        const MaskOf<R> counts = !(load<R>(&l.watched[e * W]) > R(0));
+        largest = maximum(t.patches_limited ? squared : select(counts, squared, R(0)), largest);
     }
     store<R>(l.error.data(), error);
     const R reach = load<R>(l.reach.data());
@@ -114,17 +117,24 @@ inline void set_linear_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone, bo
     out.limited = select(linear, R(0), out.limited);
 }
 
-/// Strain limits of the elements near one, in the masked lanes.
+/// Strain limits of the elements and patches near one, in the masked lanes.
 template <Want want, class R>
 inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness, Evaluation<R>& out) {
     constexpr int W = lane_width<R>;
-    for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
+    const std::size_t elements = c.topology->elements.size();
+    for (std::size_t e = 0; e < elements; ++e) {
         const MaskOf<R> watched = lanes & (load<R>(&c.linear.watched[e * W]) > R(0));
         if (!any(watched)) continue;
         const Mat3<R> F = element_deformation<R>(c, e);
         Vec3<R> g[3];
         for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
         add_strain_limit<want>(c, e, F, signed_svd(F), g, load<R>(&c.rest.volume[e * W]), exactness, watched, out);
+    }
+    for (std::size_t e = elements; e < c.topology->limit_count(); ++e) {
+        const MaskOf<R> watched = lanes & (load<R>(&c.linear.watched[e * W]) > R(0));
+        if (!any(watched)) continue;
+        const Mat3<R> F = patch_deformation<R>(c, c.topology->patches[e - elements]);
+        add_patch_limit<want>(c, e - elements, F, signed_svd(F), exactness, watched, out);
     }
 }
 
