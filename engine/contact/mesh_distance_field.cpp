@@ -177,7 +177,8 @@ MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x) {
     if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(band), band);
     const int guess = mesh.grid[middle].triangle;
     const bool mixed = !(kind & Fine::all_thin) || (kind & Fine::some_thinnest);
-    SampledField at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
+    SampledField at =
+        kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
     if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
         at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
     if (!(kind & Fine::all_thin)) at = blend(coarse(all), at, share(Fine::thin));

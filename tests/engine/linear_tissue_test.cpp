@@ -7,6 +7,7 @@
 #include "engine/build.h"
 #include "engine/skin/solve/evaluate.h"
 #include "engine/step.h"
+#include "meshes/patches.h"
 #include "scenes/run/simulation.h"
 #include "tests/support.h"
 
@@ -149,7 +150,7 @@ struct Pressed {
     double violation = 0;
 };
 /// A finger pressed on a table, rolled and led over it, and lifted, again and again; `depth` beyond the first touch.
-Pressed press(double detail_error, double depth, bool single) {
+Pressed press(double detail_error, double depth, bool single, bool limits_of_patches = false) {
     SceneSpec spec;
     spec.solver.dt = 0.002;
     spec.solver.newton_iterations = 30;
@@ -157,6 +158,7 @@ Pressed press(double detail_error, double depth, bool single) {
     FingerSpec f;
     f.name = "finger";
     f.mesh = block_mesh(4, 3, 2, 0.004);
+    if (limits_of_patches) make_patches(f.mesh, 5), f.mesh.patches_limited = true;
     f.has_limits = true;
     f.limit_low = 0.7, f.limit_high = 1.3;
     f.single_precision = single;
@@ -212,8 +214,8 @@ TEST_P(LinearTissueIn, KeepsForcesWithinTheErrorAllowedWithoutAJump) {
     }
 }
 
-TEST_P(LinearTissueIn, KeepsStrainLimits) {
-    const Pressed full = press(0, 0.0035, GetParam()), some = press(0.01, 0.0035, GetParam());
+void expect_strain_limits(bool single, bool of_patches) {
+    const Pressed full = press(0, 0.0035, single, of_patches), some = press(0.01, 0.0035, single, of_patches);
     int limited = 0, both = 0;
     double most = 0, off = 0;
     for (std::size_t k = 0; k < some.forces.size(); ++k) {
@@ -227,6 +229,10 @@ TEST_P(LinearTissueIn, KeepsStrainLimits) {
     EXPECT_LT(some.violation, full.violation + 1e-3);
     EXPECT_LT(off, 0.01 * most);
 }
+
+TEST_P(LinearTissueIn, KeepsStrainLimits) { expect_strain_limits(GetParam(), false); }
+
+TEST_P(LinearTissueIn, KeepsStrainLimitsOfPatches) { expect_strain_limits(GetParam(), true); }
 
 TEST(LinearTissue, CostsNoMemoryWhereItIsNotAllowedOrNotPossible) {
     auto bytes = [](double error, Material material) {

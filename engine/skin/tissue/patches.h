@@ -43,8 +43,9 @@ inline void note_patch_limit(SkinChunk<ScalarOf<R>>& c, std::size_t number, cons
                              const R& volume, bool watches) {
     constexpr int W = lane_width<R>;
     const std::size_t e = c.topology->elements.size() + number;
-    const R low = load<R>(&c.rest.limit_low[e * W]) * volume, high = load<R>(&c.rest.limit_high[e * W]) * volume;
-    const Vec3<R> x = volume_times_F.column(0), y = volume_times_F.column(1), z = volume_times_F.column(2);
+    const R low = load<R>(&c.rest.limit_low[e * W]), high = load<R>(&c.rest.limit_high[e * W]);
+    const Mat3<R> F = (R(1) / volume) * volume_times_F;
+    const Vec3<R> x = F.column(0), y = F.column(1), z = F.column(2);
     const Symmetric3<R> C{dot(x, x), dot(x, y), dot(y, y), dot(x, z), dot(y, z), dot(z, z)};
     const MaskOf<R> within = positive_definite(plus_diagonal(-(low * low), C)) &
                              positive_definite(plus_diagonal(high * high, R(-1) * C)) & (dot(x, cross(y, z)) > R(0));
