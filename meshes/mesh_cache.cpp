@@ -11,6 +11,8 @@
 #include <string>
 #include <type_traits>
 
+#include "meshes/split_mix.h"
+
 namespace palpate {
 
 namespace {
@@ -18,16 +20,9 @@ namespace {
 constexpr std::size_t most_kept = 400;  // files; some 15 kB each at 350 elements
 constexpr std::uint64_t most_items = 50'000'000;
 
-/// Of Steele, Lea and Flood 2014 (SplitMix): every bit of the number moves every other.
-std::uint64_t mixed(std::uint64_t x) {
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
-
 void add_to(std::array<std::uint64_t, 2>& hash, std::uint64_t value) {
-    hash[0] = mixed(hash[0] + 0x9e3779b97f4a7c15u + value);
-    hash[1] = mixed(hash[1] * 0xd1342543de82ef95u + mixed(value));
+    hash[0] = split_mix(hash[0] + 0x9e3779b97f4a7c15u + value);
+    hash[1] = split_mix(hash[1] * 0xd1342543de82ef95u + split_mix(value));
 }
 
 void add_to(std::array<std::uint64_t, 2>& hash, const std::string& bytes) {

@@ -12,6 +12,12 @@ namespace palpate::testing {
 
 bool browser_is_installed() { return std::system("command -v chromium > /dev/null 2>&1") == 0; }
 
+std::filesystem::path screenshots() {
+    const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "screenshots";
+    std::filesystem::create_directories(folder);
+    return folder;
+}
+
 namespace {
 /// Does something in the browser of this process; on a busy machine one may hang, and then another one is asked.
 template <class Work>

@@ -10,6 +10,8 @@
 namespace palpate::testing {
 
 bool browser_is_installed();
+/// Where screenshots are kept for whoever wants to see them: a folder beside the tests' program, which is made.
+std::filesystem::path screenshots();
 
 /// The body's tag, with its attributes, as it stands when the page's scripts have run. One browser serves all calls of
 /// a process: to start one, and to have it compile the page's shaders, takes three times as long as to show the page.

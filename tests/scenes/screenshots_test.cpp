@@ -77,14 +77,13 @@ TEST_P(Screenshots, ShowWhoPressesWhereAndHowHard) {
 
     std::ostringstream there;
     there << "file://" << file << "#still=1&probe=1&keys=End";
-    std::filesystem::create_directories("screenshots");
     const bool all =
         std::getenv("PALPATE_ALL_WINDOWS");  // as the nightly preset has it; else one, which is soon looked at
     for (const int width : {390, 900, 1600})
         for (const bool dark : {false, true}) {
             if (!all && (width != 900 || dark)) continue;
             const std::string look = name + "-" + std::to_string(width) + (dark ? "-dark" : "");
-            const std::filesystem::path shot = "screenshots/" + look + ".png";
+            const std::filesystem::path shot = testing::screenshots() / (look + ".png");
             std::filesystem::remove(shot);
             const std::string page =
                 page_of(there.str(), {width, width == 390 ? 844 : width * 9 / 16 + 150, dark, shot});

@@ -223,9 +223,9 @@ TEST(Report, IsOneFileThatABrowserPlays) {
     EXPECT_FALSE(curve_of(next, "peak").empty());
     EXPECT_TRUE(curve_of(next, "area").empty() && curve_of(next, "felt").empty());
     // On a phone, and in the dark, nothing fails.
-    std::filesystem::create_directories("screenshots");  // kept beside the tests, for whoever wants to see them
-    for (const testing::BrowserWindow& window : {testing::BrowserWindow{390, 800, false, "screenshots/report-390.png"},
-                                                 {1600, 900, true, "screenshots/report.png"}}) {
+    for (const testing::BrowserWindow& window :
+         {testing::BrowserWindow{390, 800, false, testing::screenshots() / "report-390.png"},
+          {1600, 900, true, testing::screenshots() / "report.png"}}) {
         const std::string page = page_of(at + "#t=0.5&still=1&probe=1", window);
         EXPECT_EQ(attribute(page, "data-error"), "") << window.width;
         EXPECT_GT(std::atoi(attribute(page, "data-colours").c_str()), 50) << window.width;
