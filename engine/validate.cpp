@@ -39,6 +39,9 @@ void check_tissue(const FingerSpec& f, Complaints& c) {
     c.need(
         f.mesh.patches.empty() || (f.mesh.patches.size() == f.mesh.tets.size() && f.material == Material::corotational),
         c.who + "patches must be one number per element, and need corotational tissue");
+    c.need(f.mesh.limit_patches.empty() ||
+               (f.mesh.limit_patches.size() == f.mesh.tets.size() && f.material == Material::corotational),
+           c.who + "limit patches must be one number per element, and need corotational tissue");
     auto within = [&](const char* what, double value, const Range& bounds, const char* unit) {
         c.within(what, value, bounds, unit);
     };

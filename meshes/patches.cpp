@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "meshes/input_error.h"
@@ -10,16 +11,17 @@ namespace palpate {
 
 namespace {
 
-struct Grouping {
-    std::vector<std::array<int, 4>> neighbour;  ///< [tet][face], -1: none
-    std::vector<Point> centre;                  ///< [tet]
-    std::vector<bool> deforms;                  ///< [tet]
+/// What is grouped, elements or patches of them.
+struct Graph {
+    std::vector<std::vector<int>> neighbour;  ///< across each shared face
+    std::vector<Point> centre;
+    std::vector<bool> deforms;  ///< what does not is left out
 };
 
-Grouping prepare(const TetMesh& mesh) {
-    Grouping g;
+Graph element_graph(const TetMesh& mesh) {
+    Graph g;
     const std::size_t count = mesh.tets.size();
-    g.neighbour.assign(count, {-1, -1, -1, -1});
+    std::vector<std::array<int, 4>> across(count, {-1, -1, -1, -1});
     std::vector<bool> in_bone(mesh.nodes.size(), false);
     for (int i : mesh.bone_nodes) in_bone[std::size_t(i)] = true;
     std::map<std::array<int, 3>, std::array<int, 2>> open;  // face -> element and its face
@@ -35,9 +37,34 @@ Grouping prepare(const TetMesh& mesh) {
             std::sort(face.begin(), face.end());
             const auto [it, fresh] = open.try_emplace(face, std::array<int, 2>{int(e), f});
             if (fresh) continue;
-            g.neighbour[e][std::size_t(f)] = it->second[0];
-            g.neighbour[std::size_t(it->second[0])][std::size_t(it->second[1])] = int(e);
+            across[e][std::size_t(f)] = it->second[0];
+            across[std::size_t(it->second[0])][std::size_t(it->second[1])] = int(e);
         }
+    }
+    for (const auto& faces : across) {
+        auto& list = g.neighbour.emplace_back();
+        for (int other : faces)
+            if (other >= 0) list.push_back(other);
+    }
+    return g;
+}
+
+/// Of groups of what another graph has (-1: of none).
+Graph graph_of_groups(const Graph& of, const std::vector<int>& group) {
+    const int count = 1 + *std::max_element(group.begin(), group.end());
+    Graph g{std::vector<std::vector<int>>(std::size_t(count)), std::vector(std::size_t(count), Point{0, 0, 0}),
+            std::vector<bool>(std::size_t(count), false)};
+    std::vector<double> members(std::size_t(count), 0.0);
+    for (std::size_t e = 0; e < group.size(); ++e) {
+        if (group[e] < 0) continue;
+        const auto k = std::size_t(group[e]);
+        g.deforms[k] = true;
+        for (std::size_t d = 0; d < 3; ++d)
+            g.centre[k][d] = (members[k] * g.centre[k][d] + of.centre[e][d]) / (members[k] + 1);
+        members[k] += 1;
+        for (int other : of.neighbour[e])
+            if (group[std::size_t(other)] >= 0 && group[std::size_t(other)] != group[e])
+                g.neighbour[k].push_back(group[std::size_t(other)]);
     }
     return g;
 }
@@ -48,15 +75,11 @@ double squared_distance(const Point& a, const Point& b) {
     return sum;
 }
 
-}  // namespace
-
-void make_patches(TetMesh& mesh, int size) {
-    if (size < 1 || size > 16) throw InputError("a patch has 1 to 16 elements, found " + std::to_string(size));
-    const Grouping g = prepare(mesh);
-    const int count = int(mesh.tets.size());
-    std::vector<int>& patch = mesh.patches;
-    patch.assign(std::size_t(count), -1);
-    auto is_open = [&](int e) { return e >= 0 && g.deforms[std::size_t(e)] && patch[std::size_t(e)] < 0; };
+/// Connected, compact groups of about `size`, and of no more than `most`; -1 for what does not deform.
+std::vector<int> compact_groups(const Graph& g, int size, int most) {
+    const int count = int(g.centre.size());
+    std::vector<int> patch(std::size_t(count), -1);
+    auto is_open = [&](int e) { return g.deforms[std::size_t(e)] && patch[std::size_t(e)] < 0; };
     auto open_neighbours = [&](int e) {
         int n = 0;
         for (int other : g.neighbour[std::size_t(e)]) n += is_open(other);
@@ -64,8 +87,8 @@ void make_patches(TetMesh& mesh, int size) {
     };
     std::vector<std::vector<int>> members;
     for (;;) {
-        // From where fewest neighbours are left, so that no element is left alone.
-        int seed = -1, fewest = 5;
+        // From where fewest neighbours are left, so that nothing is left alone.
+        int seed = -1, fewest = std::numeric_limits<int>::max();
         for (int e = 0; e < count; ++e)
             if (is_open(e) && open_neighbours(e) < fewest) seed = e, fewest = open_neighbours(e);
         if (seed < 0) break;
@@ -84,8 +107,7 @@ void make_patches(TetMesh& mesh, int size) {
                 for (int other : g.neighbour[std::size_t(e)]) {
                     if (!is_open(other)) continue;
                     int shared = 0;  // faces with the patch: fewer new nodes
-                    for (int third : g.neighbour[std::size_t(other)])
-                        shared += third >= 0 && patch[std::size_t(third)] == number;
+                    for (int third : g.neighbour[std::size_t(other)]) shared += patch[std::size_t(third)] == number;
                     const double cost = squared_distance(g.centre[std::size_t(other)], centre) / (shared * shared);
                     if (cost < nearest) nearest = cost, next = other;
                 }
@@ -97,8 +119,8 @@ void make_patches(TetMesh& mesh, int size) {
         int best = -1;
         for (int e : members[k])
             for (int other : g.neighbour[std::size_t(e)]) {
-                const int p = other < 0 ? -1 : patch[std::size_t(other)];
-                if (p < 0 || p == int(k) || members[std::size_t(p)].size() + members[k].size() > 16) continue;
+                const int p = patch[std::size_t(other)];
+                if (p < 0 || p == int(k) || int(members[std::size_t(p)].size() + members[k].size()) > most) continue;
                 if (best < 0 || members[std::size_t(p)].size() < members[std::size_t(best)].size()) best = p;
             }
         if (best < 0) continue;
@@ -106,6 +128,32 @@ void make_patches(TetMesh& mesh, int size) {
         members[std::size_t(best)].insert(members[std::size_t(best)].end(), members[k].begin(), members[k].end());
         members[k].clear();
     }
+    return patch;
+}
+
+}  // namespace
+
+void make_patches(TetMesh& mesh, int size) {
+    constexpr int most = 16;
+    if (size < 1 || size > most) throw InputError("a patch has 1 to 16 elements, found " + std::to_string(size));
+    mesh.patches = compact_groups(element_graph(mesh), size, most);
+}
+
+void make_limit_patches(TetMesh& mesh, int count, int fewest) {
+    const Graph elements = element_graph(mesh);
+    const auto deforming = double(std::count(elements.deforms.begin(), elements.deforms.end(), true));
+    const double size = std::max(double(fewest), deforming / count);
+    if (mesh.patches.empty() || deforming == 0) {
+        mesh.limit_patches = compact_groups(elements, int(std::lround(size)), 2 * int(std::lround(size)));
+        return;
+    }
+    const Graph patches = graph_of_groups(elements, mesh.patches);
+    const auto patch_count = double(std::count(patches.deforms.begin(), patches.deforms.end(), true));
+    const int together = std::max(1, int(std::lround(size * patch_count / deforming)));
+    const std::vector<int> group = compact_groups(patches, together, 2 * together);
+    mesh.limit_patches.assign(mesh.patches.size(), -1);
+    for (std::size_t e = 0; e < mesh.patches.size(); ++e)
+        if (mesh.patches[e] >= 0) mesh.limit_patches[e] = group[std::size_t(mesh.patches[e])];
 }
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
 #pragma once
-// Which elements share one change of volume.
+// Which elements share one change of volume, and which one mean deformation that strain limits hold.
 
 #include "meshes/tet_mesh.h"
 
@@ -8,5 +8,9 @@ namespace palpate {
 /// Groups elements into connected, compact patches of about `size`, so that nearly incompressible tissue does not lock:
 /// sets mesh.patches. Elements with bone nodes alone, which do not deform, are in none of them (-1).
 void make_patches(TetMesh& mesh, int size);
+
+/// Groups elements, or the patches there are, into connected, compact patches of at least `fewest` elements, about
+/// `count` of them where the mesh is fine enough: sets mesh.limit_patches.
+void make_limit_patches(TetMesh& mesh, int count, int fewest);
 
 }  // namespace palpate

@@ -18,7 +18,8 @@ struct TetMesh {
     std::vector<int> pad_nodes;               ///< surface nodes that can touch, ascending
     std::vector<int>
         patches;  ///< [tet] number, from 0, of the patch that shares one change of volume; empty: none does
-    bool patches_limited = false;  ///< strain limits are of patches' mean deformation, instead of each tetrahedron's
+    std::vector<int> limit_patches;  ///< [tet] number, from 0, of the patch whose mean deformation strain limits hold;
+                                     ///< empty: each tetrahedron's own
 };
 
 }  // namespace palpate

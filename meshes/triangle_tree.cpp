@@ -39,28 +39,31 @@ int TriangleTree::build(int begin, int end) {
     return index;
 }
 
-void TriangleTree::nearest_below(int n, const Vector3d& x, double& best, Vector3d& point) const {
+void TriangleTree::nearest_below(int n, const Vector3d& x, Found& best) const {
     const Node& node = nodes_[n];
     auto box_distance = [&](int i) { return (x - x.cwiseMax(nodes_[i].low).cwiseMin(nodes_[i].high)).squaredNorm(); };
     if (node.left < 0) {
         for (int i = node.begin; i < node.end; ++i) {
             const Vector3d p = nearest_on_triangle(x, corner(order_[i], 0), corner(order_[i], 1), corner(order_[i], 2));
-            if ((p - x).squaredNorm() < best) best = (p - x).squaredNorm(), point = p;
+            if ((p - x).squaredNorm() < best.squared_distance) best = {(p - x).squaredNorm(), p, order_[i]};
         }
         return;
     }
     const double dl = box_distance(node.left), dr = box_distance(node.right);
     const int first = dl < dr ? node.left : node.right, second = dl < dr ? node.right : node.left;
-    if (std::min(dl, dr) < best) nearest_below(first, x, best, point);
-    if (std::max(dl, dr) < best) nearest_below(second, x, best, point);
+    if (std::min(dl, dr) < best.squared_distance) nearest_below(first, x, best);
+    if (std::max(dl, dr) < best.squared_distance) nearest_below(second, x, best);
 }
 
-Vector3d TriangleTree::nearest(const Vector3d& x) const {
-    double best = std::numeric_limits<double>::max();
-    Vector3d point = x;
-    if (!nodes_.empty()) nearest_below(0, x, best, point);
-    return point;
+TriangleTree::Found TriangleTree::find(const Vector3d& x) const {
+    Found best{std::numeric_limits<double>::max(), x, -1};
+    if (!nodes_.empty()) nearest_below(0, x, best);
+    return best;
 }
+
+Vector3d TriangleTree::nearest(const Vector3d& x) const { return find(x).point; }
+
+int TriangleTree::nearest_triangle(const Vector3d& x) const { return find(x).triangle; }
 
 // Ericson, Real-Time Collision Detection, section 5.1.5: by Voronoi regions.
 Vector3d nearest_on_triangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {

@@ -13,6 +13,8 @@ class TriangleTree {
 
     /// Nearest point on the surface.
     Eigen::Vector3d nearest(const Eigen::Vector3d& x) const;
+    /// The triangle that has it; -1 where there is none.
+    int nearest_triangle(const Eigen::Vector3d& x) const;
 
     /// Calls visit(triangle) for every triangle whose box meets [low, high].
     template <class Visit>
@@ -32,7 +34,13 @@ class TriangleTree {
         int begin = 0, end = 0;     ///< range of order_ in a leaf
     };
     int build(int begin, int end);
-    void nearest_below(int node, const Eigen::Vector3d& x, double& best, Eigen::Vector3d& point) const;
+    struct Found {
+        double squared_distance;
+        Eigen::Vector3d point;
+        int triangle;
+    };
+    Found find(const Eigen::Vector3d& x) const;
+    void nearest_below(int node, const Eigen::Vector3d& x, Found& best) const;
     template <class Visit>
     void descend(int n, const Eigen::Vector3d& low, const Eigen::Vector3d& high, Visit& visit) const {
         const Node& node = nodes_[n];

@@ -14,6 +14,9 @@ namespace palpate {
 
 namespace {
 
+/// Of a finger, whatever its mesh: what 350 elements have in patches of five, which is the fewest of finer meshes, too.
+constexpr int limit_patch_count = 70, fewest_limit_elements = 5;
+
 void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
     if (!r.bone_nodes.empty()) {
         mesh.bone_nodes = r.bone_nodes;
@@ -54,7 +57,8 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
 
 /// What a template is made of, in full.
 std::string template_key(const FingerMeshRequest& r, double nail_drop) {
-    std::string key = std::to_string(r.elements) + " " + std::to_string(r.patch);
+    std::string key = std::to_string(r.elements) + " " + std::to_string(r.patch) + " " +
+                      std::to_string(r.patches_limited.value_or(false));
     const auto add = [&](double x) {
         char text[40];
         std::snprintf(text, sizeof text, " %.17g", x);
@@ -82,7 +86,9 @@ TetMesh kept_or_made(const std::string& key, const FingerMeshRequest& r, const F
     }
     Kept made;
     made.mesh = filled(r, finger_surface(shape), made.note);
-    if (r.patch > 0) make_patches(made.mesh, r.patch);  // of all sizes alike
+    // Of all sizes alike.
+    if (r.patch > 0) make_patches(made.mesh, r.patch);
+    if (r.patches_limited.value_or(false)) make_limit_patches(made.mesh, limit_patch_count, fewest_limit_elements);
     const std::lock_guard lock(mutex);
     if (all.size() >= 8) all.clear();
     return note += made.note, (all[key] = std::move(made)).mesh;
@@ -148,7 +154,8 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
     }
     if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
-    mesh.patches_limited = r.patches_limited && !mesh.patches.empty();
+    if (r.patches_limited.value_or(false) && mesh.limit_patches.empty())
+        make_limit_patches(mesh, limit_patch_count, fewest_limit_elements);
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

@@ -20,10 +20,10 @@ struct FingerMeshRequest {
     std::optional<FingerOrientation> orientation{};  ///< of the file; absent: guessed
     int elements = 347;
     enum class Kind { uniform, conforming } kind = Kind::uniform;  ///< of a parametric finger or a surface
-    int patch = 0;                 ///< elements that share one change of volume; 0: none do
-    bool patches_limited = false;  ///< strain limits are of patches, where there are some
-    bool by_default = false;       ///< kind and patch are those of scenes that say nothing of them
-    Grading grading;               ///< of a conforming mesh
+    int patch = 0;                          ///< elements that share one change of volume; 0: none do
+    std::optional<bool> patches_limited{};  ///< strain limits are of patches, not of tetrahedra; absent: as usual
+    bool by_default = false;                ///< kind and patch are those of scenes that say nothing of them
+    Grading grading;                        ///< of a conforming mesh
     FingerRegions regions;
     bool half_space = false;  ///< bone nodes by half-space instead of regions
     Point half_space_normal{0, 0, 1};

@@ -69,12 +69,13 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
         "patch", r.patch, {0, 16},
         "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
         "none do.");
-    int limited = r.patches_limited;
+    int limited = r.patches_limited.value_or(true);
     s.choice(
         "limits", limited, {"elements", "patches"},
-        "Whose stretches strain limits hold: each tetrahedron's, or those of patches' mean deformation, which change "
-        "less with the mesh and saturate less in spots. Without patches: each tetrahedron's.");
-    r.patches_limited = limited == 1;
+        "Whose stretches strain limits hold: each tetrahedron's, or those of the mean deformation of some 70 patches, "
+        "which change less with the mesh and saturate less in spots. Where nothing is said, patches of conforming "
+        "meshes, elements of others.");
+    if (s.has("limits")) r.patches_limited = limited == 1;
 }
 
 namespace {
@@ -84,7 +85,12 @@ namespace {
 /// patches are left out where the tissue is another.
 void settle_default_mesh(const Section& mesh, FingerModel& m) {
     FingerMeshRequest& r = m.mesh;
-    if (!r.by_default) return;
+    const auto settle_limits = [&] {
+        const bool corotational = m.spec.material == Material::corotational;
+        if (!r.patches_limited) r.patches_limited = r.kind == FingerMeshRequest::Kind::conforming && corotational;
+        if (!mesh.has("limits") && !corotational) r.patches_limited = false;  // the scene said it of all fingers
+    };
+    if (!r.by_default) return settle_limits();
     constexpr int fewest = 250;
     const bool parametric = r.source == FingerMeshRequest::Source::parametric;
     r.by_default = !mesh.has("kind");
@@ -92,6 +98,7 @@ void settle_default_mesh(const Section& mesh, FingerModel& m) {
         r.kind = FingerMeshRequest::Kind::uniform;
     if (!mesh.has("patch") && (r.kind == FingerMeshRequest::Kind::uniform || m.spec.material != Material::corotational))
         r.patch = 0;
+    settle_limits();
 }
 
 /// What of a mesh does not go together.
@@ -99,6 +106,8 @@ void check_mesh(Section& s, Section& mesh, const FingerModel& m) {
     const FingerMeshRequest& r = m.mesh;
     if (mesh && r.patch > 0 && m.spec.material != Material::corotational && mesh.sound("patch"))
         mesh.complain("patch", "patches need corotational tissue: material = { kind = \"corotational\" }");
+    if (mesh && r.patches_limited.value_or(false) && m.spec.material != Material::corotational && mesh.sound("limits"))
+        mesh.complain("limits", "limits of patches need corotational tissue: material = { kind = \"corotational\" }");
     if (r.kind != FingerMeshRequest::Kind::conforming) return;
     if (mesh && r.source == FingerMeshRequest::Source::tets)
         mesh.complain("kind", "a finished mesh (tets) stays as it is; a shape or a surface can be meshed to conform");
@@ -280,6 +289,8 @@ void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
     std::vector<double> thicknesses;
     for (const TissueLayer& l : layers) thicknesses.push_back(l.thickness);
     LayerShares found = layer_shares(f.mesh, thicknesses);
+    std::vector<double> moduli;
+    for (const TissueLayer& l : layers) moduli.push_back(l.young_modulus);
     for (const std::vector<double>& shares : found.shares) {
         double along = shares.back() * f.young_modulus, across = shares.back() / f.young_modulus,
                low = shares.back() * f.limit_low, high = shares.back() * f.limit_high;
@@ -295,12 +306,16 @@ void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
         f.element_low.push_back(low);
         f.element_high.push_back(high);
     }
+    lift_membranes(f.mesh, found.normals, skin_excess(found.shares, thicknesses, moduli, f.young_modulus),
+                   f.element_membrane);
     f.element_normal = std::move(found.normals);
 }
 
 FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::string& note) {
     FingerSpec f = m.spec;
-    f.mesh = make_finger_mesh(m.mesh, templates, note);
+    FingerMeshRequest request = m.mesh;
+    if (!f.has_limits) request.patches_limited = false;
+    f.mesh = make_finger_mesh(request, templates, note);
     apply_layers(m.layers, f);
     if (!m.layers.empty()) note += ", " + std::to_string(m.layers.size() + 1) + " layers of tissue";
     return f;
@@ -341,8 +356,9 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (r.kind == FingerMeshRequest::Kind::conforming)
         how << "kind = \"conforming\", coarse = " << r.grading.coarse << ", bone = " << r.grading.bone << ", ";
     how << "patch = " << r.patch;
-    if (r.patches_limited) how << ", limits = \"patches\"";
-    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !r.patches_limited;
+    const bool limited = r.patches_limited.value_or(false);
+    if (limited) how << ", limits = \"patches\"";
+    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !limited;
     if (r.source == FingerMeshRequest::Source::parametric)
         out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
             << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge

@@ -92,6 +92,7 @@ void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerM
     if (named.empty()) return;
     const FingerMeshRequest plain;  // what a file says nothing of is as it was when it was written
     m.mesh.kind = plain.kind, m.mesh.patch = plain.patch, m.mesh.grading = plain.grading, m.mesh.by_default = false;
+    m.mesh.patches_limited = false;
     Problems found{problems.file, {}};
     read_named_finger(named, folder, m, found);
     if (!found.messages.empty()) s.complain_as_found("finger", found.messages);
@@ -104,7 +105,7 @@ FingerSpec build_as_can_be(FingerModel& m, FingerTemplates& templates, std::stri
     if (m.mesh.by_default && m.mesh.kind == FingerMeshRequest::Kind::conforming) try {
             return build_finger(m, templates, note);
         } catch (const InputError&) {
-            m.mesh.kind = FingerMeshRequest::Kind::uniform, m.mesh.patch = 0;
+            m.mesh.kind = FingerMeshRequest::Kind::uniform, m.mesh.patch = 0, m.mesh.patches_limited = false;
             FingerSpec uniform = build_finger(m, templates, note);
             note += ", uniform: no sound conforming mesh of this shape was found";
             return uniform;

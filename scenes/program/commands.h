@@ -35,6 +35,7 @@ Action add_calibrate_thimble_command(const Command& program, const std::atomic<b
 Action add_sweep_command(const Command& program, const std::atomic<bool>& stop);
 Action add_stress_command(const Command& program, const std::atomic<bool>& stop);
 Action add_indent_command(const Command& program);
+Action add_pressure_command(const Command& program);
 Action add_calibrate_command(const Command& program, const std::atomic<bool>& stop);
 Action add_tracker_command(const Command& program, const std::atomic<bool>& stop);
 Action add_emulate_tracker_command(const Command& program, const std::atomic<bool>& stop);

@@ -53,6 +53,9 @@ constexpr std::array examples{
     Examples{"indent",
              "palpate indent index-median\n"
              "palpate indent thumb-large --angle 0,30 --elements 347,1000 --depth-mm 2"},
+    Examples{"pressure",
+             "palpate pressure maps/*.csv --first-cell 1,12 --angle 0,15,30    # which of these fits best\n"
+             "palpate pressure maps/*.csv --first-cell 1,12 --finger mine.toml --out mine"},
     Examples{"calibrate", "palpate calibrate data.csv --finger index-median --fit young_kPa,low --out mine.toml"},
     Examples{"tracker",
              "palpate tracker ultraleap --seconds 10 --record hand.jsonl\n"

@@ -87,6 +87,7 @@ int main(int argc, char** argv) {
     actions["stress"] = palpate::add_stress_command(commands, stop_requested);
     actions["mesh"] = palpate::add_mesh_command(commands);
     actions["indent"] = palpate::add_indent_command(commands);
+    actions["pressure"] = palpate::add_pressure_command(commands);
     actions["calibrate"] = palpate::add_calibrate_command(commands, stop_requested);
     actions["tracker"] = palpate::add_tracker_command(commands, stop_requested);
     actions["emulate-tracker"] = palpate::add_emulate_tracker_command(commands, stop_requested);

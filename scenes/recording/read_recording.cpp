@@ -84,7 +84,7 @@ RecordedRun read_header(const nlohmann::json& j) {
     run.fingers = j.at("fingers").get<Names>(), run.objects = j.at("objects").get<Names>();
     run.has_file = j.value("has_file", true);
     run.fingers_touch = j.value("fingers_touch", false);
-    run.conforming = j.value("conforming", false);
+    run.conforming = j.value("conforming", false), run.patches_limited = j.value("patches_limited", false);
     run.governed = j.value("governed", false), run.duration = j.value("duration_s", 0.0);
     return run;
 }

@@ -97,6 +97,7 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
                                {"governed", s.governor.has_value()},
                                {"fingers_touch", s.scene.spec.fingers_touch},
                                {"conforming", true},
+                               {"patches_limited", true},
                                {"dt_s", s.world.solver.dt},
                                {"duration_s", s.scene.duration}}));
 }
@@ -143,12 +144,14 @@ void RunWriter::finish() {
 
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides) {
-    // In runs from before fingers touched each other, they did not; nor were their meshes conforming unsaid.
+    // In runs from before fingers touched each other, they did not; nor were their meshes conforming unsaid, nor
+    // their limits those of patches.
     auto as_then = [&](Scene scene) {
         scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
         return scene;
     };
     std::vector<std::string> settings = overrides;
+    if (!run.patches_limited) settings.insert(settings.begin(), "mesh.limits=elements");
     if (!run.conforming) settings.insert(settings.begin(), {"mesh.kind=uniform", "mesh.patch=0"});
     if (!run.has_file) return as_then(load_scene_text(run.text, run.scene, settings));
     const std::string remedy =

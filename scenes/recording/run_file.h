@@ -3,8 +3,8 @@
 // by its first 8 bytes. What each kind of frame holds, all numbers little-endian:
 //
 //   1 run: a run begins. JSON: version, scene (path), text (of the scene file), overrides, fingers, objects (names, in
-//     order), arrays (names of what is hashed), governed, fingers_touch (each other), conforming, dt_s, duration_s;
-//     has_file (false: the scene was given as text).
+//     order), arrays (names of what is hashed), governed, fingers_touch (each other), conforming, patches_limited,
+//     dt_s, duration_s; has_file (false: the scene was given as text).
 //   3 step: u64 number of the step; f64 time; i8 preset of the governor (-1: none); u32 fingers, objects, arrays,
 //   moved;
 //     per finger u8 valid, f64 sample time, tracked pose, 3 f64 contact force after the step [N]; per object its pose
@@ -83,11 +83,12 @@ struct RecordedRun {
     };
     std::string scene, text;
     std::vector<std::string> overrides, fingers, objects, arrays;
-    bool has_file = true;        ///< false: the scene was given as text, `scene` says which folder its files are in
-    bool governed = false;       ///< a governor chose each step's preset
-    bool fingers_touch = false;  ///< each other; files from before they could do not say
-    bool conforming = false;     ///< fingers of which nothing is said have such meshes; nor do these say this
-    double duration = 0;         ///< asked for [s]; 0: the file does not say
+    bool has_file = true;          ///< false: the scene was given as text, `scene` says which folder its files are in
+    bool governed = false;         ///< a governor chose each step's preset
+    bool fingers_touch = false;    ///< each other; files from before they could do not say
+    bool conforming = false;       ///< fingers of which nothing is said have such meshes; nor do these say this
+    bool patches_limited = false;  ///< nor that strain limits of these are of patches
+    double duration = 0;           ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;
     std::vector<Change> changes;
     std::vector<Gap> gaps;

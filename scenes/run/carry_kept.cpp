@@ -34,8 +34,7 @@ struct Rows {
 template <class T>
 bool same_kind(const SkinChunk<T>& a, const SkinChunk<T>& b) {
     return a.topology->elements == b.topology->elements && a.topology->samples == b.topology->samples &&
-           a.topology->node_count == b.topology->node_count &&
-           a.topology->patches_limited == b.topology->patches_limited;
+           a.topology->node_count == b.topology->node_count && a.topology->limit_nodes == b.topology->limit_nodes;
 }
 template <class T>
 bool same_fields(const SkinChunk<T>& a, const SkinChunk<T>& b) {

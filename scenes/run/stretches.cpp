@@ -45,14 +45,14 @@ std::vector<Vec3<double>> limited_stretches(const TetMesh& mesh, const std::vect
     for (std::size_t e = 0; e < count; ++e) {
         const Deformation own = deformation_of(corners(mesh.nodes, mesh.tets[e]), corners(now, mesh.tets[e]));
         out[e] = stretches(own);
-        if (!mesh.patches_limited || mesh.patches[e] < 0) continue;
-        const auto patch = std::size_t(mesh.patches[e]);
+        if (mesh.limit_patches.empty() || mesh.limit_patches[e] < 0) continue;
+        const auto patch = std::size_t(mesh.limit_patches[e]);
         if (patch >= of_patch.size()) of_patch.resize(patch + 1);
         of_patch[patch].volume += own.volume;
         of_patch[patch].times_volume = of_patch[patch].times_volume + own.times_volume;
     }
-    for (std::size_t e = 0; e < count && mesh.patches_limited; ++e)
-        if (mesh.patches[e] >= 0) out[e] = stretches(of_patch[std::size_t(mesh.patches[e])]);
+    for (std::size_t e = 0; e < mesh.limit_patches.size(); ++e)
+        if (mesh.limit_patches[e] >= 0) out[e] = stretches(of_patch[std::size_t(mesh.limit_patches[e])]);
     return out;
 }
 

@@ -47,28 +47,35 @@ SceneSpec plate_and_fingers(const std::vector<Indentation>& fingers, const Inden
     return spec;
 }
 
-/// Largest principal strain, by magnitude, of surface triangles whose corners are all pad nodes.
-double surface_strain(const TetMesh& mesh, const std::vector<char>& is_pad, const std::vector<Point>& now) {
-    double worst = 0;
-    for (const auto& t : mesh.surface) {
-        if (!is_pad[std::size_t(t[0])] || !is_pad[std::size_t(t[1])] || !is_pad[std::size_t(t[2])]) continue;
+/// Principal strain, by magnitude, that a fiftieth of the skin exceeds, by area: of faces that lie on the plate with a
+/// corner or more. The largest is a single face's, and another one's with each mesh.
+double surface_strain(const TetMesh& mesh, const ContactSurface& contact) {
+    std::vector<std::pair<double, double>> faces;  // strain, area
+    double all = 0;
+    for (const auto& t : contact.faces) {
+        if (std::none_of(t.begin(), t.end(), [&](int s) { return contact.touches[std::size_t(s)]; })) continue;
         // Metric of the deformed triangle in an orthonormal frame of the triangle at rest.
-        auto edges = [&](const std::vector<Point>& x, Vec3<double>& u, Vec3<double>& v) {
-            const Point &a = x[std::size_t(t[0])], &b = x[std::size_t(t[1])], &c = x[std::size_t(t[2])];
-            u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-            v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+        const auto rest = [&](std::size_t k) {
+            const Point& p = mesh.nodes[std::size_t(mesh.pad_nodes[std::size_t(t[k])])];
+            return Vec3<double>{p[0], p[1], p[2]};
         };
-        Vec3<double> U, V, u, v;
-        edges(mesh.nodes, U, V);
-        edges(now, u, v);
+        const auto now = [&](std::size_t k) { return contact.position[std::size_t(t[k])]; };
+        const Vec3<double> U = rest(1) - rest(0), V = rest(2) - rest(0), u = now(1) - now(0), v = now(2) - now(0);
         const double a = norm(U), b = dot(U, V) / a, c = std::sqrt(std::max(1e-300, dot(V, V) - b * b));
         const Vec3<double> f1 = (1 / a) * u, f2 = (1 / c) * (v - (b / a) * u);
         const double xx = dot(f1, f1), xy = dot(f1, f2), yy = dot(f2, f2);
         const double mean = 0.5 * (xx + yy), spread = std::hypot(0.5 * (xx - yy), xy);
+        double strain = 0;
         for (double square : {mean + spread, mean - spread})
-            worst = std::max(worst, std::abs(std::sqrt(std::max(0.0, square)) - 1));
+            strain = std::max(strain, std::abs(std::sqrt(std::max(0.0, square)) - 1));
+        faces.push_back({strain, a * c / 2});
+        all += faces.back().second;
     }
-    return worst;
+    std::sort(faces.rbegin(), faces.rend());
+    double above = 0;
+    for (const auto& [strain, area] : faces)
+        if ((above += area) >= 0.02 * all) return strain;
+    return 0;
 }
 
 /// The plate is level.
@@ -81,18 +88,16 @@ std::vector<std::array<double, 2>> outline_seen_from_above(const ContactSurface&
     return flat;
 }
 
-IndentationPoint read_point(const World& world, std::size_t finger, const FingerSpec& f,
-                            const std::vector<char>& is_pad) {
+IndentationPoint read_point(const World& world, std::size_t finger, const FingerSpec& f) {
     const EntityId id = world.skins.owner(finger);
     const ContactSurface& contact = world.contact_surfaces[finger];
     const SkinStatus& status = skin_status(world, id);
-    const std::vector<Point> nodes = finger_positions(world, id);
     IndentationPoint p;
     p.displacement = f.start.position.z - contact.bone.position.z;
     p.force = contact.total.z;
     p.area = contact.touching_area;
     p.hull = hull_area(outline_seen_from_above(contact));
-    p.surface_strain = surface_strain(f.mesh, is_pad, nodes);
+    p.surface_strain = surface_strain(f.mesh, contact);
     p.touching = contact.touching;
     p.limited = status.limited_elements;
     p.converged = status.converged && !status.reset;
@@ -117,11 +122,6 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
     World world = build_world(spec);
     const std::size_t count = fingers.size();
     std::vector<IndentationCurve> curves(count);
-    std::vector<std::vector<char>> is_pad;
-    for (const FingerSpec& f : spec.fingers) {
-        is_pad.emplace_back(f.mesh.nodes.size(), 0);
-        for (int i : f.mesh.pad_nodes) is_pad.back()[std::size_t(i)] = 1;
-    }
     for (IndentationCurve& c : curves) c.points.push_back({.converged = true});
     std::vector<double> lowered(count, 0.0);
     for (std::size_t k = 1;; ++k) {
@@ -137,7 +137,10 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
         step(world, threads);
         if (s.progress) s.progress(std::min(1.0, double(k) / s.steps));
         for (std::size_t i = 0; i < count; ++i)
-            if (goes_on[i]) curves[i].points.push_back(read_point(world, i, spec.fingers[i], is_pad[i]));
+            if (goes_on[i]) {
+                curves[i].points.push_back(read_point(world, i, spec.fingers[i]));
+                if (s.observe) s.observe(i, curves[i].points.back(), world.contact_surfaces[i]);
+            }
     }
     for (int k = 0; s.shear > 0 && k <= s.shear_steps; ++k) {
         if (k > 0) {
@@ -149,7 +152,7 @@ std::vector<IndentationCurve> indent(const std::vector<Indentation>& fingers, co
             const ContactSurface& contact = world.contact_surfaces[i];
             const EntityId id = world.skins.owner(i);
             curves[i].shear.push_back({contact.bone.position.y, -contact.total.y,
-                                       surface_strain(spec.fingers[i].mesh, is_pad[i], finger_positions(world, id)),
+                                       surface_strain(spec.fingers[i].mesh, contact),
                                        skin_status(world, id).converged});
         }
     }

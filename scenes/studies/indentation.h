@@ -19,6 +19,18 @@ struct Indentation {
     std::vector<double> displacements = {};  ///< those to stop at, rising [m]; empty: equal steps to the depth
 };
 
+/// State of one finger at one displacement.
+struct IndentationPoint {
+    double displacement = 0;    ///< of the bone towards the plate from first touch [m]
+    double force = 0;           ///< normal to the plate [N]
+    double area = 0;            ///< of the contact patch [m^2]
+    double hull = 0;            ///< of its convex hull, as an ink print would show it [m^2]
+    double surface_strain = 0;  ///< principal strain, by magnitude, that a fiftieth of the touching skin exceeds
+    int touching = 0;           ///< samples
+    int limited = 0;            ///< elements at a strain limit
+    bool converged = false;
+};
+
 struct IndentationSettings {
     int steps = 30;           ///< equal displacements up to the depth
     double force_limit = 0;   ///< a finger that carries more than this goes no deeper [N]; 0: never
@@ -28,18 +40,8 @@ struct IndentationSettings {
     int shear_steps = 20;     ///< in so many steps
     double tolerance = 1e-5;  ///< of the solve, relative to the forces acting
     std::function<void(double)> progress = {};  ///< told the share that is done
-};
-
-/// State of one finger at one displacement.
-struct IndentationPoint {
-    double displacement = 0;    ///< of the bone towards the plate from first touch [m]
-    double force = 0;           ///< normal to the plate [N]
-    double area = 0;            ///< of the contact patch [m^2]
-    double hull = 0;            ///< of its convex hull, as an ink print would show it [m^2]
-    double surface_strain = 0;  ///< largest principal strain of the pad's surface, by magnitude
-    int touching = 0;           ///< samples
-    int limited = 0;            ///< elements at a strain limit
-    bool converged = false;
+    /// Shown each finger (its number) at each displacement of the press.
+    std::function<void(std::size_t, const IndentationPoint&, const ContactSurface&)> observe = {};
 };
 
 /// State of one finger on its way across the plate.

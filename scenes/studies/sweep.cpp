@@ -17,13 +17,7 @@ std::vector<SweepTrace::Finger> sample(const Simulation& s) {
         SweepTrace::Finger f;
         f.net = c.total;
         f.area = c.touching_area;
-        f.field = c.force;
-        f.place = c.position;
-        f.faces = c.faces;
-        for (int face = 0; face < int(c.faces.size()); ++face) {
-            const PressedFace pressed = pressed_part(c, face);
-            f.pressed.insert(f.pressed.end(), pressed.part.begin(), pressed.part.begin() + pressed.count);
-        }
+        f.pad = pressed_pad(c);
         for (const Matching& m : s.world.matchings)
             if (m.finger == finger) {
                 f.platform = m.model.mount * m.model.kind->platform(m.model, m.result.w).centre;
@@ -65,49 +59,8 @@ void spread(const Vec3<double>& force, const Vec3<double>& place, Grid& grid) {
     }
 }
 
-Vec3<double> place_of(const SweepTrace::Finger& finger, int face, const std::array<double, 3>& share) {
-    Vec3<double> x{0, 0, 0};
-    for (std::size_t k = 0; k < 3; ++k) x += share[k] * finger.place[std::size_t(finger.faces[std::size_t(face)][k])];
-    return x;
-}
-
-/// Calls visit(face, shares of its samples, area) at points all over the parts of a finger's faces that are in contact.
-template <class Visit>
-void sample_pressed(const SweepTrace::Finger& finger, Visit visit) {
-    constexpr int n = 4;  // points on a lattice, at the centres of n^2 equal triangles of which those upright are taken
-    for (const PressedTriangle& t : finger.pressed) {
-        std::array<Vec3<double>, 3> x;
-        for (std::size_t c = 0; c < 3; ++c) x[c] = place_of(finger, t.face, t.corner[c]);
-        const double each = 0.5 * norm(cross(x[1] - x[0], x[2] - x[0])) / (n * (n + 1) / 2);
-        for (int i = 0; i < n; ++i)
-            for (int j = 0; i + j < n; ++j) {
-                const double weight[3] = {(i + 1.0 / 3) / n, (j + 1.0 / 3) / n, 1 - (i + j + 2.0 / 3) / n};
-                std::array<double, 3> share{0, 0, 0};
-                for (std::size_t c = 0; c < 3; ++c)
-                    for (std::size_t k = 0; k < 3; ++k) share[k] += weight[c] * t.corner[c][k];
-                visit(t.face, share, each);
-            }
-    }
-}
-
-/// Adds a finger's forces, times a factor: each as a pressure on what is in contact of the faces around its sample,
-/// falling linearly to their other corners; where nothing is, as it is.
-void spread(const SweepTrace::Finger& finger, double factor, Grid& grid) {
-    std::vector<double> around(finger.field.size(), 0.0);
-    sample_pressed(finger, [&](int face, const std::array<double, 3>& share, double area) {
-        for (std::size_t k = 0; k < 3; ++k) around[std::size_t(finger.faces[std::size_t(face)][k])] += share[k] * area;
-    });
-    sample_pressed(finger, [&](int face, const std::array<double, 3>& share, double area) {
-        Vec3<double> force{0, 0, 0};
-        for (std::size_t k = 0; k < 3; ++k) {
-            const auto s = std::size_t(finger.faces[std::size_t(face)][k]);
-            if (around[s] > 0) force += (factor * share[k] * area / around[s]) * finger.field[s];
-        }
-        spread(force, place_of(finger, face, share), grid);
-    });
-    for (std::size_t s = 0; s < finger.field.size(); ++s)
-        if (!(around[s] > 0) && dot(finger.field[s], finger.field[s]) > 0)
-            spread(factor * finger.field[s], finger.place[s], grid);
+void spread(const PressedPad& pad, double factor, Grid& grid) {
+    for (const PressurePoint& p : pressure_points(pad)) spread(factor * p.force, p.place, grid);
 }
 
 /// sum |F_i - Fref_i| of one finger; NaN where the samples are others.
@@ -115,13 +68,13 @@ double field_distance(const SweepTrace::Finger& a, const SweepTrace::Finger& b, 
     double sum = 0;
     if (comparison == FieldComparison::grid) {
         Grid difference;
-        spread(a, 1, difference);
-        spread(b, -1, difference);
+        spread(a.pad, 1, difference);
+        spread(b.pad, -1, difference);
         for (const auto& [key, force] : difference) sum += norm(force);
         return sum;
     }
-    if (a.field.size() != b.field.size()) return std::nan("");
-    for (std::size_t i = 0; i < b.field.size(); ++i) sum += norm(a.field[i] - b.field[i]);
+    if (a.pad.field.size() != b.pad.field.size()) return std::nan("");
+    for (std::size_t i = 0; i < b.pad.field.size(); ++i) sum += norm(a.pad.field[i] - b.pad.field[i]);
     return sum;
 }
 
@@ -170,7 +123,7 @@ SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference, Fiel
             area_scale += b.area;
             if (a.has_platform) platform += 1e3 * (a.platform - b.platform).norm(), ++platforms;
             field += field_distance(a, b, comparison);
-            for (const Vec3<double>& force : b.field) field_scale += norm(force);
+            for (const Vec3<double>& force : b.pad.field) field_scale += norm(force);
         }
     const double nothing = std::nan("");
     return {field_scale > 0 ? field / field_scale : nothing, net_scale > 0 ? net / net_scale : nothing,

@@ -1,7 +1,7 @@
 #pragma once
 // Speed against accuracy: a scene over settings, against a converged reference of finer steps.
 
-#include "engine/contact/contact_edge.h"
+#include "scenes/run/pressure_points.h"
 #include "scenes/run/simulation.h"
 #include "scenes/studies/sweep_plan.h"
 
@@ -11,12 +11,9 @@ namespace palpate {
 struct SweepTrace {
     struct Finger {
         Vec3<double> net{0, 0, 0};
-        double area = 0;                        ///< [m^2]
-        std::vector<Vec3<double>> field;        ///< [sample]
-        std::vector<Vec3<double>> place;        ///< [sample], finger frame [m]
-        std::vector<std::array<int, 3>> faces;  ///< of the pad, samples each
-        std::vector<PressedTriangle> pressed;   ///< parts of those faces that are in contact
-        Eigen::Vector3d platform{0, 0, 0};      ///< its centre, finger frame [m]
+        double area = 0;                    ///< [m^2]
+        PressedPad pad;                     ///< finger frame
+        Eigen::Vector3d platform{0, 0, 0};  ///< its centre, finger frame [m]
         bool has_platform = false;
     };
     std::vector<std::vector<Finger>> samples;  ///< [time][finger]

@@ -137,5 +137,59 @@ TEST(Membranes, AStripOfLayersIsAsStiffAsTheirMeanAlongAndAsInSeriesAcross) {
     }
 }
 
+/// How stiffly membranes bend [N m] per area, and their sum [N/m], of a plate that is stretched as much as it likes.
+struct Bending {
+    double stiffness, sum;
+};
+Bending bending_of(const TetMesh& mesh, const std::vector<double>& young, double area) {
+    SkinChunk<double> c;
+    allocate_chunk(c, std::make_shared<SkinTopology>(build_topology(mesh, false, 1)), 1, false, false, 1, false, true);
+    SkinParameters p;
+    p.mesh = &mesh;
+    p.poisson_ratio = 0;
+    p.young_modulus = {1e-6};
+    p.membrane_young = young;
+    p.membrane_normal.assign(mesh.tets.size(), {0, 0, -1});
+    set_lane(c, 0, 0, p, Pose<double>::identity());
+    const double curvature = 1e-2;  // strains of some 1e-5
+    auto energy = [&](double stretch) {
+        for (std::size_t i = 0; i < mesh.nodes.size(); ++i) {
+            const Point& x = mesh.nodes[i];
+            const double depth = x[2] - mesh.nodes[0][2];
+            for (std::size_t d = 0; d < 2; ++d)  // to a bowl
+                c.state.position[3 * i + d] = x[d] * (1 + stretch + curvature * depth);
+        }
+        return evaluate_tissue(c, 0).energy;
+    };
+    const double e0 = energy(0), up = energy(1e-4), down = energy(-1e-4);
+    const double slope = (up - down) / 2e-4, bend = (up - 2 * e0 + down) / 1e-8;
+    return {(e0 - slope * slope / (2 * bend)) / (curvature * curvature * area), bend / (2 * area)};
+}
+
+TEST(Membranes, AreLiftedUntilTheyBendAsTheirLayersDo) {
+    const double skin = 330e3, below = 13e3, thickness = 1e-3;
+    for (const double h : {3e-3, 2e-3, 1.2e-3}) {
+        const int n = int(12e-3 / h + 0.5);
+        TetMesh mesh = block_mesh(n, n, 3, h);
+        std::erase_if(mesh.surface, [&](const auto& t) {  // the lower face alone is skin
+            return std::any_of(t.begin(), t.end(), [&](int i) { return i % 4 != 0; });
+        });
+        const LayerShares layers = layer_shares(mesh, {thickness});
+        SkinExcess excess = skin_excess(layers.shares, {thickness}, {skin}, below);
+        EXPECT_NEAR(excess.variance, thickness * thickness / 12, 1e-12);
+        std::vector<double> membranes;
+        for (const auto& s : layers.shares)
+            membranes.push_back(s[0] * skin + s[1] * below - 1 / (s[0] / skin + s[1] / below));
+        excess.of_element = membranes;  // nothing else is stiff along this skin
+        const double area = n * h * n * h;
+        const Bending before = bending_of(mesh, membranes, area);
+        lift_membranes(mesh, layers.normals, excess, membranes);
+        const Bending after = bending_of(mesh, membranes, area);
+        EXPECT_NEAR(after.sum, before.sum, 1e-6 * before.sum) << h;
+        EXPECT_NEAR(after.stiffness, excess.variance * after.sum, 0.25 * excess.variance * after.sum) << h;
+        EXPECT_GT(before.stiffness, 2 * after.stiffness) << h;
+    }
+}
+
 }  // namespace
 }  // namespace palpate

@@ -158,7 +158,7 @@ Pressed press(double detail_error, double depth, bool single, bool limits_of_pat
     FingerSpec f;
     f.name = "finger";
     f.mesh = block_mesh(4, 3, 2, 0.004);
-    if (limits_of_patches) make_patches(f.mesh, 5), f.mesh.patches_limited = true;
+    if (limits_of_patches) make_patches(f.mesh, 5), make_limit_patches(f.mesh, 1000, 5);
     f.has_limits = true;
     f.limit_low = 0.7, f.limit_high = 1.3;
     f.single_precision = single;

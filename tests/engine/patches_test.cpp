@@ -16,7 +16,7 @@ using testing::make_chunk;
 TetMesh patched_block(int nx, int ny, int nz, int size = 5, bool limited = false) {
     TetMesh mesh = block_mesh(nx, ny, nz, 0.004);
     make_patches(mesh, size);
-    mesh.patches_limited = limited;
+    if (limited) make_limit_patches(mesh, 1000, size);
     return mesh;
 }
 
@@ -212,8 +212,8 @@ struct Stretches {
 };
 Stretches stretches_of(const SkinChunk<double>& c) {
     Stretches s;
-    for (const VolumePatch& patch : c.topology->patches) {
-        const Vec3<double> mean = signed_svd(detail::patch_deformation<double>(c, patch)).sigma;
+    for (std::size_t k = 0; k < c.topology->limit_patches.size(); ++k) {
+        const Vec3<double> mean = signed_svd(detail::patch_deformation<double>(c, k)).sigma;
         s.patch_low = std::min(s.patch_low, mean.z), s.patch_high = std::max(s.patch_high, mean.x);
     }
     for (std::size_t e = 0; e < c.topology->elements.size(); ++e) {
@@ -240,7 +240,7 @@ TEST(Patches, LimitsOfPatchesHoldUnderAnyLoad) {
         plane.name = "plane";
         plane.shape.kind = ShapeKind::plane;
         World world = build_world(scene);
-        ASSERT_TRUE(world.chunks.doubles[0].topology->patches_limited);
+        ASSERT_FALSE(world.chunks.doubles[0].topology->limit_patches.empty());
         Threads threads(1);
         for (int k = 1; k <= 400; ++k) {
             Pose<double> pose = f.start;
@@ -268,7 +268,7 @@ TEST(Patches, GiveTheSameBitsAloneAndInLanesAndAgreeInFloat) {
                 f.name = "block" + std::to_string(k);
                 f.mesh = block_mesh(3, 2, 2, 0.004);
                 make_patches(f.mesh, 4);
-                f.mesh.patches_limited = limited;
+                if (limited) make_limit_patches(f.mesh, 1000, 4);
                 f.poisson_ratio = 0.48;
                 f.has_limits = true, f.limit_low = 0.85, f.limit_high = 1.15;
                 f.single_precision = single;

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 
 #include "meshes/finger_shape.h"
 #include "meshes/input_error.h"
@@ -116,13 +117,60 @@ TEST_P(IndexFinger, LiesInsideTheBands) {
     EXPECT_PRED3(between, 1e3 * f.displacement_1N, 1.2, 2.2);
     EXPECT_PRED3(between, 1e3 * f.displacement_4N, 1.8, 3.0);
     EXPECT_GE(f.stiffening, 2.5);
-    // 140 is for all but the coarsest mesh pressed flat: there the area is a fifth larger than a fine mesh's.
-    EXPECT_PRED3(between, 1e6 * f.area_1N, 60, 146);
-    EXPECT_PRED3(between, 1e6 * f.area_5N, 119, 240);
-    EXPECT_GE(f.area_1N, 0.6 * f.area_5N);
+    EXPECT_PRED3(between, 1e6 * f.area_1N, 60, 140);
+    EXPECT_PRED3(between, 1e6 * f.area_5N, 120, 240);
+    EXPECT_GE(f.area_1N, 0.58 * f.area_5N);  // 0.59 on the coarsest mesh at 30 degrees, else more than 0.6
     EXPECT_LT(f.area_exponent, 0.6);
     EXPECT_PRED3(between, f.sheared_strain_5N, 0.28, 0.6);
     EXPECT_PRED3(between, 1e-3 * f.tangential_stiffness_1N, 0.5, 2.5);
+    EXPECT_GT(f.displacement_1N / f.displacement_4N, 0.68);  // soft first, stiff later
+}
+
+/// One finger file is one finger, whatever its mesh.
+TEST(Indentation, OfAPresetChangesLittleWithItsMesh) {
+    FingerModel model = named("index-median");
+    std::vector<Indentation> presses;
+    for (const int elements : {347, 1000, 2800})
+        for (const double angle : {0.0, 30.0}) {
+            model.mesh.elements = elements;
+            presses.push_back({built(model), angle * degree, 0, 3e-3});
+            presses.back().finger.name = std::to_string(presses.size());
+        }
+    const auto curves = pressed(presses, {.steps = 60, .force_limit = 4.5});
+    for (std::size_t angle = 0; angle < 2; ++angle)
+        for (const std::size_t mesh : {angle, 2 + angle}) {
+            const IndentationCurve &coarse = curves[mesh], &fine = curves[4 + angle];
+            const double off = mesh < 2 ? 0.21 : 0.08;
+            for (const double force : {0.3, 1.0, 2.0, 4.0}) {
+                const double displacement = displacement_at_force(fine, force);
+                EXPECT_NEAR(displacement_at_force(coarse, force), displacement, off * displacement) << force;
+            }
+            for (const double displacement : {0.5e-3, 1e-3, 1.5e-3}) {
+                const double area = field_at_displacement(fine, displacement, &IndentationPoint::area);
+                EXPECT_NEAR(field_at_displacement(coarse, displacement, &IndentationPoint::area), area,
+                            1.2 * off * area)
+                    << displacement;
+            }
+        }
+}
+
+TEST(LimitPatches, AreAsManyWhateverTheMesh) {
+    FingerModel model = named("index-median");
+    for (const int elements : {347, 1000, 2800}) {
+        model.mesh.elements = elements;
+        const TetMesh mesh = built(model).mesh;
+        const std::set<int> patches(mesh.limit_patches.begin(), mesh.limit_patches.end());
+        EXPECT_NEAR(double(patches.size()), 70, 12) << elements;
+        for (std::size_t a = 0; a < mesh.tets.size(); ++a)  // none without what does not deform
+            EXPECT_EQ(mesh.limit_patches[a] < 0, mesh.patches[a] < 0);
+        for (std::size_t a = 1; a < mesh.tets.size(); ++a)  // of whole patches of volume
+        {
+            if (mesh.patches[a] != mesh.patches[a - 1]) continue;
+            EXPECT_EQ(mesh.limit_patches[a], mesh.limit_patches[a - 1]);
+        }
+    }
+    model.spec.has_limits = false;
+    EXPECT_TRUE(built(model).mesh.limit_patches.empty()) << "nothing is limited";
 }
 
 TEST(Layers, SharesAreThoseOfTheDepth) {

@@ -402,8 +402,9 @@ TEST_F(SceneFiles, ConformingMeshesAndPatches) {
     EXPECT_SAYS(refusal(replaced(conforming, "\"conforming\"", "\"fine\"")), "uniform");
     EXPECT_SAYS(refusal(replaced(conforming, "patch = 5", "patch = 17")), "16");
     EXPECT_SAYS(refusal(replaced(conforming, "patch = 5", "patch = 5, limits = \"nodes\"")), "elements, patches");
-    std::ofstream(path) << replaced(conforming, "patch = 5", "patch = 5, limits = \"patches\"");
-    EXPECT_TRUE(load_scene(path).spec.fingers[0].mesh.patches_limited);
+    std::ofstream(path) << replaced(conforming, "patch = 5", "patch = 5, limits = \"patches\"")
+                        << "\n[limits]\nlow = 0.6\nhigh = 1.4\n";
+    EXPECT_FALSE(load_scene(path).spec.fingers[0].mesh.limit_patches.empty());
     EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nmaterial = { kind = \"neo-hookean\" }")),
                 "corotational");
     EXPECT_SAYS(refusal(replaced(conforming, shape, shape + "\nbone = { normal = [0, 0, 1], offset_mm = 1 }")),

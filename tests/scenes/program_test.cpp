@@ -215,7 +215,7 @@ TEST(Program, ATrayFullOfCubesStaysOnItsTable) {
 
 TEST(Program, SaysWhatSlipsAndWhatIsDropped) {
     ScratchFolder scratch;
-    const Outcome o = palpate_program("run " + scenes + "egg.toml --no-picture --set object.egg.friction=0.33 --out " +
+    const Outcome o = palpate_program("run " + scenes + "egg.toml --no-picture --set object.egg.friction=0.37 --out " +
                                       (scratch.path / "out").string());
     EXPECT_EQ(o.code, 0);
     EXPECT_NE(o.out.find("egg slipped through the fingers"), std::string::npos) << o.out;

@@ -115,34 +115,34 @@ TEST(Sweep, ErrorsAreSharesOfTheReference) {
     SweepTrace::Finger finger;
     finger.net = {0, 0, 2};
     finger.area = 1e-4;
-    finger.field = {{0, 0, 1}, {0, 0, 1}};
+    finger.pad.field = {{0, 0, 1}, {0, 0, 1}};
     SweepTrace reference{{{finger}}}, other = reference;
-    other.samples[0][0].field[0].z = 0.9;
+    other.samples[0][0].pad.field[0].z = 0.9;
     other.samples[0][0].net.z = 1.9;
     const SweepErrors e = errors_of(other, reference, FieldComparison::samples);
     EXPECT_NEAR(e.field, 0.05, 1e-12);
     EXPECT_NEAR(e.net, 0.05, 1e-12);
     EXPECT_EQ(e.area, 0);
     EXPECT_TRUE(std::isnan(e.platform_mm));
-    other.samples[0][0].field.pop_back();  // another mesh: its field cannot be compared, its net force can
+    other.samples[0][0].pad.field.pop_back();  // another mesh: its field cannot be compared, its net force can
     EXPECT_TRUE(std::isnan(errors_of(other, reference, FieldComparison::samples).field));
     EXPECT_NEAR(errors_of(other, reference, FieldComparison::samples).net, 0.05, 1e-12);
 }
 
 TEST(Sweep, FieldsOfTwoMeshesAreComparedOnAGrid) {
     SweepTrace::Finger one, two;
-    one.field = {{0, 0, 2}};
-    one.place = {{1.5e-3, 1e-3, 0.5e-3}};
-    two.field = {{0, 0, 1}, {0, 0, 1}};  // the same load, from two samples around that one
-    two.place = {{1e-3, 1e-3, 0.5e-3}, {2e-3, 1e-3, 0.5e-3}};
+    one.pad.field = {{0, 0, 2}};
+    one.pad.place = {{1.5e-3, 1e-3, 0.5e-3}};
+    two.pad.field = {{0, 0, 1}, {0, 0, 1}};  // the same load, from two samples around that one
+    two.pad.place = {{1e-3, 1e-3, 0.5e-3}, {2e-3, 1e-3, 0.5e-3}};
     auto error = [&] { return errors_of({{{two}}}, {{{one}}}, FieldComparison::grid).field; };
     EXPECT_NEAR(error(), 0, 1e-12);
-    two.place[1].x += 0.3e-3;  // one of them a tenth of a cell further: that share leaves one corner for the next
+    two.pad.place[1].x += 0.3e-3;  // one of them a tenth of a cell further: that share leaves one corner for the next
     EXPECT_NEAR(error(), 2 * 0.1 / 2, 1e-12);
-    two.place[0].x += 0.1, two.place[1].x += 0.1;  // elsewhere altogether
+    two.pad.place[0].x += 0.1, two.pad.place[1].x += 0.1;  // elsewhere altogether
     EXPECT_NEAR(error(), 2, 1e-12);
-    two.place = {{1e-3, 1e-3, 0.5e-3}, {2e-3, 1e-3, 0.5e-3}};
-    two.field[0].z = 0.9;  // what is missing is missing
+    two.pad.place = {{1e-3, 1e-3, 0.5e-3}, {2e-3, 1e-3, 0.5e-3}};
+    two.pad.field[0].z = 0.9;  // what is missing is missing
     EXPECT_NEAR(error(), 0.05, 1e-12);
 }
 

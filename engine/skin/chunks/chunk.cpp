@@ -82,25 +82,41 @@ Eigen::Matrix<double, 3, 2> tangents_of(const std::vector<Point>& normals, std::
     return tangents;
 }
 
-/// Limits of patches: their elements' means, by volume. Elements themselves are then held by the squares of their own
-/// limits: wide enough to leave it to their patch, and near enough that none is turned inside out under any load.
+/// Limits of patches: their elements' means, by volume, and volume dF/dx of their nodes. Elements themselves are then
+/// held by the squares of their own limits: wide enough to leave it to their patch, and near enough that none is turned
+/// inside out under any load.
 template <class T>
 void set_patch_limits(SkinChunk<T>& c, int lane) {
     const SkinTopology& t = *c.topology;
-    const auto at = [&](std::size_t limit) { return limit * std::size_t(c.width) + std::size_t(lane); };
-    for (std::size_t k = 0; k < t.patches.size(); ++k)
-        for (LaneArray<T>* values : {&c.rest.limit_low, &c.rest.limit_high, &c.rest.limit_penalty}) {
-            double sum = 0, volume = 0;
-            for (int i = 0; i < t.patches[k].count; ++i) {
-                const std::size_t e = at(std::size_t(t.patches[k].first + i));
-                sum += double(c.rest.volume[e]) * double((*values)[e]);
-                volume += double(c.rest.volume[e]);
+    const auto W = std::size_t(c.width), l = std::size_t(lane);
+    const std::size_t elements = t.elements.size(), patches = t.limit_patches.size();
+    std::vector<double> volume(patches, 0.0), mean(3 * patches, 0.0), slopes(3 * t.limit_nodes.size(), 0.0);
+    LaneArray<T>* const values[] = {&c.rest.limit_low, &c.rest.limit_high, &c.rest.limit_penalty};
+    for (std::size_t e = 0; e < elements; ++e) {
+        const auto k = std::size_t(t.element_limit_patch[e]);
+        const LimitPatch& patch = t.limit_patches[k];
+        const double part = double(c.rest.volume[e * W + l]);
+        volume[k] += part;
+        for (std::size_t i = 0; i < 3; ++i) mean[3 * k + i] += part * double((*values[i])[e * W + l]);
+        const auto nodes = t.limit_nodes.begin() + patch.first_node;
+        const auto place = [&](std::size_t a) {
+            return std::size_t(patch.first_node + std::find(nodes, nodes + patch.node_count, t.elements[e][a]) - nodes);
+        };
+        for (std::size_t a = 0; a < 3; ++a)
+            for (std::size_t d = 0; d < 3; ++d) {
+                const double slope = part * double(c.rest.shape_gradients[(9 * e + 3 * a + d) * W + l]);
+                slopes[3 * place(a + 1) + d] += slope;
+                slopes[3 * place(0) + d] -= slope;
             }
-            (*values)[at(t.elements.size() + k)] = T(sum / volume);
-        }
-    for (std::size_t e = 0; e < t.elements.size(); ++e) {
-        c.rest.limit_low[at(e)] *= c.rest.limit_low[at(e)];
-        c.rest.limit_high[at(e)] *= c.rest.limit_high[at(e)];
+    }
+    for (std::size_t k = 0; k < patches; ++k) {
+        c.rest.limit_volume[k * W + l] = T(volume[k]);
+        for (std::size_t i = 0; i < 3; ++i) (*values[i])[(elements + k) * W + l] = T(mean[3 * k + i] / volume[k]);
+    }
+    for (std::size_t i = 0; i < slopes.size(); ++i) c.rest.limit_slopes[i * W + l] = T(slopes[i]);
+    for (std::size_t e = 0; e < elements; ++e) {
+        c.rest.limit_low[e * W + l] *= c.rest.limit_low[e * W + l];
+        c.rest.limit_high[e * W + l] *= c.rest.limit_high[e * W + l];
     }
 }
 
@@ -151,7 +167,7 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
             compliance += double(c.rest.volume[e * W + lane]) / double(c.rest.lambda[e * W + lane]);
         c.rest.patch_bulk[k * std::size_t(W) + std::size_t(lane)] = T(1 / compliance);
     }
-    if (c.has_limits && t.patches_limited) set_patch_limits(c, lane);
+    if (c.has_limits && !t.limit_patches.empty()) set_patch_limits(c, lane);
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
     for (int i = 0; i < t.node_count; ++i) {
         c.rest.mass[i * W + lane] = T(mass[i]);

@@ -27,6 +27,8 @@ struct SkinRest {
     LaneArray<T> membrane_mu, membrane_lambda;  ///< [element] in plane stress [Pa]; empty without membranes
     LaneArray<T> membrane_tangents;             ///< [element][2][xyz] of the skin, rest shape; empty without membranes
     LaneArray<T> limit_low, limit_high;         ///< [limit] bounds on principal stretches; empty without limits
+    LaneArray<T> limit_slopes;                  ///< [node of a limit patch][xyz] volume dF/dx [m^2]
+    LaneArray<T> limit_volume;                  ///< [limit patch] [m^3]
     LaneArray<T> limit_penalty;                 ///< [limit] base penalty of the limits [Pa]; empty without limits
     LaneArray<T> mass;                          ///< [node] [kg]
     LaneArray<T> contact_penalty;               ///< [sample] [N/m]

@@ -39,7 +39,7 @@ struct FieldSizes {
     std::size_t unknowns, everything;
     std::size_t decomposed;    ///< elements of a material that is a function of principal stretches
     std::size_t membranes;     ///< elements that may have one
-    std::size_t limited;       ///< elements with strain limits
+    std::size_t limited;       ///< elements and patches with strain limits
     std::size_t samples;       ///< samples that can touch something
     std::size_t rubbing;       ///< samples that can rub
     std::size_t body, linear;  ///< 1 where bodies, linear tissue are
@@ -79,6 +79,8 @@ void for_each_rest_field(Chunk& c, Visit visit) {
     visit(r.limit_low, Field{rest, lane, n.limited});
     visit(r.limit_high, Field{rest, lane, n.limited});
     visit(r.limit_penalty, Field{rest, lane, n.limited});
+    visit(r.limit_slopes, Field{rest, lane, c.has_limits ? 3 * c.topology->limit_nodes.size() : 0});
+    visit(r.limit_volume, Field{rest, lane, c.has_limits ? c.topology->limit_patches.size() : 0});
     visit(r.mass, Field{rest, lane, n.N});
     visit(r.contact_penalty, Field{rest, lane, n.S});
     visit(r.contact_area, Field{rest, lane, c.has_soft_objects ? n.S : 0});

@@ -70,6 +70,8 @@ Adjacency node_graph(const SkinTopology& t) {
     for (const auto& tet : t.elements) connect(tet.begin(), tet.end());
     for (const VolumePatch& p : t.patches)
         connect(t.patch_nodes.begin() + p.first_node, t.patch_nodes.begin() + p.first_node + p.node_count);
+    for (const LimitPatch& p : t.limit_patches)
+        connect(t.limit_nodes.begin() + p.first_node, t.limit_nodes.begin() + p.first_node + p.node_count);
     Adjacency graph;
     for (const auto& set : neighbours) graph.emplace_back(set.begin(), set.end());
     return graph;
@@ -208,6 +210,20 @@ void collect_patches(SkinTopology& t, const TetMesh& mesh) {
     }
 }
 
+/// Limit patches, and the nodes of each, ascending.
+void collect_limit_patches(SkinTopology& t, const TetMesh& mesh) {
+    std::map<int, std::set<int>> nodes;  // of the patches that deform
+    for (std::size_t e = 0; e < t.elements.size(); ++e)
+        nodes[mesh.limit_patches[std::size_t(t.mesh_element[e])]].insert(t.elements[e].begin(), t.elements[e].end());
+    std::map<int, int> number;
+    for (const auto& [patch, of_patch] : nodes) {
+        number[patch] = int(t.limit_patches.size());
+        t.limit_patches.push_back({int(t.limit_nodes.size()), int(of_patch.size()), 0});
+        t.limit_nodes.insert(t.limit_nodes.end(), of_patch.begin(), of_patch.end());
+    }
+    for (int e : t.mesh_element) t.element_limit_patch.push_back(number.at(mesh.limit_patches[std::size_t(e)]));
+}
+
 /// Notes which blocks nothing is ever added to.
 void note_fill(SkinTopology& t) {
     t.pattern.filled.assign(std::size_t(t.pattern.block_count), 1);
@@ -220,6 +236,7 @@ void note_fill(SkinTopology& t) {
         for (int block : sample.block) has(block);
     for (const auto& edge : t.bone_edges) has(edge.position), has(edge.rotation);
     for (int block : t.patch_blocks) has(block);
+    for (int block : t.limit_blocks) has(block);
     for (int block : t.diagonal_block) has(block);
     has(t.bone_cross_block);
 }
@@ -245,7 +262,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
                          [&](int a, int b) { return mesh.patches[a] < mesh.patches[b]; });
     for (int e : t.mesh_element) t.elements.push_back(mesh.tets[e]);
     if (!mesh.patches.empty()) collect_patches(t, mesh);
-    t.patches_limited = mesh.patches_limited && !t.patches.empty();
+    if (!mesh.limit_patches.empty()) collect_limit_patches(t, mesh);
     const Adjacency graph = node_graph(t);
     order_unknowns(t, graph, in_bone);
     build_pattern(t, graph, in_bone);
@@ -274,6 +291,13 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
                 place[a] = int(std::find(nodes, nodes + p.node_count, t.elements[e][a]) - nodes);
         }
     }
+    for (LimitPatch& p : t.limit_patches) {
+        const auto nodes = t.limit_nodes.begin() + p.first_node;
+        std::sort(nodes, nodes + p.node_count, [&](int a, int b) { return order(a) < order(b); });
+        p.first_block = int(t.limit_blocks.size());
+        for (int a = 0; a < p.node_count; ++a)
+            for (int b = 0; b <= a; ++b) t.limit_blocks.push_back(block(nodes[a], nodes[b]));
+    }
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
@@ -296,6 +320,12 @@ std::vector<TissuePair> tissue_pairs(const SkinTopology& t) {
             for (int j = 0; j <= i; ++j, ++k) {
                 const int a = t.patch_nodes[p.first_node + i], b = t.patch_nodes[p.first_node + j];
                 pairs.try_emplace(t.patch_blocks[k], TissuePair{t.patch_blocks[k], a, b});
+            }
+    for (const LimitPatch& p : t.limit_patches)
+        for (int k = p.first_block, i = 0; i < p.node_count; ++i)
+            for (int j = 0; j <= i; ++j, ++k) {
+                const int a = t.limit_nodes[p.first_node + i], b = t.limit_nodes[p.first_node + j];
+                pairs.try_emplace(t.limit_blocks[k], TissuePair{t.limit_blocks[k], a, b});
             }
     std::vector<TissuePair> list;
     for (const auto& [block, pair] : pairs) list.push_back(pair);

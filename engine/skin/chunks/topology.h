@@ -50,6 +50,12 @@ struct VolumePatch {
 };
 inline constexpr int most_patch_elements = 16;
 
+/// Elements whose mean deformation strain limits hold.
+struct LimitPatch {
+    int first_node = 0, node_count = 0;  ///< in limit_nodes
+    int first_block = 0;                 ///< in limit_blocks: of the node pairs 00, 10, 11, 20, ...
+};
+
 /// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
 /// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
 /// of the skin. Nodes keep the numbers of the mesh; the bone's two unknowns follow them.
@@ -70,7 +76,9 @@ struct SkinTopology {
     std::vector<std::array<int, 10>> element_block;  ///< destination of each of block_pair (isotropic.h)
 
     std::vector<VolumePatch> patches;            ///< empty: every element has its own volume term
-    bool patches_limited = false;                ///< strain limits are of patches, too
+    std::vector<LimitPatch> limit_patches;       ///< empty: strain limits are of elements alone
+    std::vector<int> limit_nodes, limit_blocks;  ///< as LimitPatch says
+    std::vector<int> element_limit_patch;        ///< [element] its limit patch; empty where there are none
     std::vector<int> patch_nodes, patch_blocks;  ///< as VolumePatch says
     std::vector<std::array<int, 4>>
         element_place;  ///< [element] its nodes' places in patch_nodes, from the patch's first
@@ -93,7 +101,7 @@ struct SkinTopology {
     std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
     std::size_t sample_count() const { return samples.size() + face_samples.size(); }
     /// Strain limits: of the elements, then of the patches.
-    std::size_t limit_count() const { return elements.size() + (patches_limited ? patches.size() : 0); }
+    std::size_t limit_count() const { return elements.size() + limit_patches.size(); }
 };
 
 /// Two nodes that share an element, or a patch of them, a not before b, and the block of their stiffness; a = b for a

@@ -229,7 +229,8 @@ inline unsigned loaded_lanes(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
     return bits_from_mask<R>(largest > R(0));
 }
 
-/// Elements that may be at a strain limit, or bear one's multiplier, are noted: add_noted_limits takes them in turn.
+/// Elements that may be at a strain limit, or bear one's multiplier, are noted: add_noted_limits (patch_limits.h)
+/// takes them in turn.
 template <class R, class Q>
 inline void note_limits(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
                         bool watches) {
@@ -280,16 +281,6 @@ inline void take_noted_limits(SkinChunk<ScalarOf<R>>& c, Deformation deformation
             svd[0] = signed_svd(F[0]);
         for (int k = 0; k < count; ++k) apply(noted[n + std::size_t(k)], F[k], svd[k]);
     }
-}
-
-/// Strain limits of the elements that were noted.
-template <Want want, class R>
-inline void add_noted_limits(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
-    take_noted_limits<R>(
-        c, [&](std::size_t e) { return element_deformation<R>(c, e); },
-        [&](const NotedLimit& note, const Mat3<R>& F, const SignedSvd<R>& svd) {
-            add_noted_limit<want>(c, note, F, svd, request, out);
-        });
 }
 
 /// Forgets what was noted; updated multipliers of elements that are not at a limit are zero.
@@ -369,7 +360,6 @@ inline void add_corotational_elements(SkinChunk<ScalarOf<R>>& c, const ElementRe
             if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
         }
     }
-    if (c.has_limits) add_noted_limits<want>(c, request, out);
 }
 
 }  // namespace palpate::detail

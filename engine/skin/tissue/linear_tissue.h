@@ -4,6 +4,7 @@
 // out grows with the square of the change of the deformation gradients since then.
 
 #include "engine/skin/tissue/laminate.h"
+#include "engine/skin/tissue/patch_limits.h"
 #include "engine/skin/tissue/patches.h"
 
 namespace palpate::detail {
@@ -67,7 +68,7 @@ inline void follow_linear_tissue(SkinChunk<ScalarOf<R>>& c, const Pose<R>& bone)
         if (l.watched.empty()) continue;
         // A patch that is not watched changes by no more than the most of its elements, watched ones included.
         const MaskOf<R> counts = !(load<R>(&l.watched[e * W]) > R(0));
-        largest = maximum(t.patches_limited ? squared : select(counts, squared, R(0)), largest);
+        largest = maximum(!t.limit_patches.empty() ? squared : select(counts, squared, R(0)), largest);
     }
     store<R>(l.error.data(), error);
     const R reach = load<R>(l.reach.data());
@@ -133,7 +134,7 @@ inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const
     for (std::size_t e = elements; e < c.topology->limit_count(); ++e) {
         const MaskOf<R> watched = lanes & (load<R>(&c.linear.watched[e * W]) > R(0));
         if (!any(watched)) continue;
-        const Mat3<R> F = patch_deformation<R>(c, c.topology->patches[e - elements]);
+        const Mat3<R> F = patch_deformation<R>(c, e - elements);
         add_patch_limit<want>(c, e - elements, F, signed_svd(F), exactness, watched, out);
     }
 }
@@ -141,12 +142,18 @@ inline void add_watched_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const
 /// All elements as they are, one by one or in patches, with their membranes.
 template <Want want, class R>
 inline void add_all_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
-    if (!c.topology->patches.empty())
-        add_patches<want>(c, request, out);
-    else if (c.material == Material::corotational)
-        add_corotational_elements<want>(c, request, out);
-    else
+    if (c.material != Material::corotational) {
         add_elements<want>(c, request, out);
+    } else {
+        if (c.topology->patches.empty())
+            add_corotational_elements<want>(c, request, out);
+        else
+            add_patches<want>(c, request, out);
+        if (c.has_limits) {
+            note_patch_limits<R>(c, request.watches);
+            add_noted_limits<want>(c, request, out);
+        }
+    }
     if (c.has_membranes) add_membranes<want>(c, request.exactness, out);
 }
 

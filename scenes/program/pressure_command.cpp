@@ -1,0 +1,190 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "scenes/program/commands.h"
+#include "scenes/program/finger_source.h"
+#include "scenes/run/series.h"
+#include "scenes/run/wrapped.h"
+#include "scenes/studies/pressure_maps.h"
+
+namespace palpate {
+
+namespace {
+
+struct PressureArguments {
+    std::vector<std::string> files;
+    FingerSource source{"index-median", "", 0};
+    std::vector<double> angles_deg{0, 10, 20, 30};
+    int elements = 0;
+    std::vector<int> first_cell{1, 1};
+    double cell_mm = 3.75, kPa_per_count = 0.32446, clipped = 255;
+    int cells = 4;
+    std::string out = "results/pressure";
+    bool json = false;
+};
+
+/// Of those that are compared: between a half and seven newtons.
+struct Errors {
+    double middle = 0, peak = 0;
+    int maps = 0;
+};
+
+Errors errors_of(const MapFit& fit) {
+    Errors e;
+    for (const MapComparison& m : fit.maps) {
+        if (m.nominal < 0.5 || m.nominal > 7) continue;
+        ++e.maps;
+        e.middle += std::abs(m.of_simulated.middle / m.of_measured.middle - 1);
+        e.peak += std::abs(m.of_simulated.peak / m.of_measured.peak - 1);
+    }
+    if (e.maps > 0) e.middle /= e.maps, e.peak /= e.maps;
+    return e;
+}
+
+/// Measured and simulated cells side by side, as grey as they are pressed.
+std::string picture(const MapFit& fit, const SensorMat& mat) {
+    constexpr int cell = 22, gap = 26, top = 60;
+    const int wide = mat.columns * cell, high = mat.rows * cell, column = wide + gap;
+    std::ostringstream out;
+    out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << 90 + column * int(fit.maps.size()) << " "
+        << top + 2 * high + 70 << "\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#111\">\n"
+        << "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<text x=\"10\" y=\"20\" font-size=\"14\">Share of "
+           "the "
+           "force that each cell bears: a sensor mat under a finger, and the finger simulated</text>\n"
+        << "<text x=\"10\" y=\"" << top + high / 2 << "\">measured</text>\n<text x=\"10\" y=\""
+        << top + high + gap + high / 2 << "\">simulated</text>\n";
+    for (std::size_t k = 0; k < fit.maps.size(); ++k) {
+        const MapComparison& m = fit.maps[k];
+        const int left = 80 + column * int(k);
+        char text[60];
+        std::snprintf(text, sizeof text, "%.2f N", m.force);
+        out << "<text x=\"" << left << "\" y=\"" << top - 10 << "\">" << text << "</text>\n";
+        for (const bool measured : {true, false}) {
+            const std::vector<double>& cells = measured ? m.measured : m.simulated;
+            double all = 0;
+            for (double p : cells) all += p;
+            for (int r = 0; r < mat.rows; ++r)
+                for (int c = 0; c < mat.columns; ++c) {
+                    const double share = cells[std::size_t(r * mat.columns + c)] / std::max(all, 1e-300);
+                    const int shade = int(std::lround(255 * (1 - std::min(1.0, share / 0.25))));
+                    out << "<rect x=\"" << left + c * cell << "\" y=\"" << top + r * cell + (measured ? 0 : high + gap)
+                        << "\" width=\"" << cell << "\" height=\"" << cell << "\" fill=\"rgb(" << shade << "," << shade
+                        << "," << shade << ")\" stroke=\"#bbb\"/>\n";
+                }
+        }
+    }
+    out << "<text x=\"10\" y=\"" << top + 2 * high + 54 << "\">black: a quarter of the force or more</text>\n</svg>\n";
+    return out.str();
+}
+
+nlohmann::json json_of(const MapFit& fit, double angle_deg, const Errors& errors) {
+    nlohmann::json maps = nlohmann::json::array();
+    for (const MapComparison& m : fit.maps)
+        maps.push_back({{"name", m.name},
+                        {"nominal_N", m.nominal},
+                        {"force_N", m.force},
+                        {"middle_measured", m.of_measured.middle},
+                        {"middle_simulated", m.of_simulated.middle},
+                        {"peak_over_mean_measured", m.of_measured.peak},
+                        {"peak_over_mean_simulated", m.of_simulated.peak},
+                        {"measured_Pa", m.measured},
+                        {"simulated_Pa", m.simulated}});
+    return {
+        {"angle_deg", angle_deg},          {"along_mm", 1e3 * fit.pose.along},    {"across_mm", 1e3 * fit.pose.across},
+        {"tip_first", fit.pose.tip_first}, {"force_scale", fit.pose.force_scale}, {"misfit", fit.pose.misfit},
+        {"middle_error", errors.middle},   {"peak_error", errors.peak},           {"maps", maps}};
+}
+
+int run_pressure(const PressureArguments& a) {
+    SensorMat mat;
+    mat.first_row = a.first_cell[0], mat.first_column = a.first_cell[1];
+    mat.rows = mat.columns = a.cells;
+    mat.cell = 1e-3 * a.cell_mm, mat.per_count = 1e3 * a.kPa_per_count, mat.clipped = a.clipped;
+    std::vector<PressureMap> maps;
+    std::vector<std::string> problems;
+    for (const std::string& file : a.files) {
+        try {
+            maps.push_back(read_pressure_map(file, mat));
+        } catch (const InputError& error) {
+            problems.insert(problems.end(), error.messages.begin(), error.messages.end());
+        }
+    }
+    if (!problems.empty()) throw InputError(problems);
+    double most = 0;
+    for (const PressureMap& m : maps) most = std::max(most, m.clipped ? 0 : m.force);
+    if (!(most > 0)) throw InputError("no map presses on anything without being clipped: nothing can be compared");
+    FingerModel model = load_finger(a.source);
+    if (a.elements > 0) model.mesh.elements = a.elements;
+    FingerTemplates templates;
+    std::string note;
+    const FingerSpec finger = build_finger(model, templates, note);
+    Threads threads;
+    MapFit best;
+    double angle_deg = 0;
+    for (const double angle : a.angles_deg) {
+        const PressedMaps pressed = press_for_maps({finger, angle * degree, 0, 5e-3}, 3 * most, 150, threads);
+        const MapFit fit = fit_maps(pressed, maps, mat);
+        if (!best.maps.empty() && fit.pose.misfit >= best.pose.misfit) continue;
+        best = fit, angle_deg = angle;
+    }
+    const Errors errors = errors_of(best);
+    if (!a.out.empty()) {
+        std::filesystem::create_directories(a.out);
+        write_file(std::filesystem::path(a.out) / "pressure.svg", picture(best, mat));
+    }
+    if (a.json) {
+        std::printf("%s\n", json_of(best, angle_deg, errors).dump(2).c_str());
+        return 0;
+    }
+    std::printf("%s", wrapped(note).c_str());
+    std::printf(
+        "\nfitted: %g degrees, the mat's middle %.2f mm distal and %.2f mm radial of the bone's origin, its %s row\n"
+        "towards the tip, forces %.2f times the mat's\n\n",
+        angle_deg, 1e3 * best.pose.along, 1e3 * best.pose.across, best.pose.tip_first ? "first" : "last",
+        best.pose.force_scale);
+    std::printf(
+        "%-24s %8s %8s   middle cells' share      peak over mean\n%-24s %8s %8s   measured simulated   measured "
+        "simulated\n",
+        "map", "mat", "finger", "", "[N]", "[N]");
+    for (const MapComparison& m : best.maps)
+        std::printf("%-24s %8.2f %8.2f   %7.2f  %8.2f    %8.2f  %8.2f\n", m.name.c_str(), m.nominal, m.force,
+                    m.of_measured.middle, m.of_simulated.middle, m.of_measured.peak, m.of_simulated.peak);
+    std::printf(
+        "\nmean difference of %d maps from 0.5 to 7 N: %.0f %% of the middle cells' share, %.0f %% of the peak over "
+        "the mean\n",
+        errors.maps, 100 * errors.middle, 100 * errors.peak);
+    if (!a.out.empty()) std::printf("written: %s/pressure.svg\n", a.out.c_str());
+    return 0;
+}
+
+}  // namespace
+
+Action add_pressure_command(const Command& program) {
+    const Command c =
+        program.subcommand("pressure", "compare a finger with maps of pressure that a sensor mat measured");
+    auto a = std::make_shared<PressureArguments>();
+    c.option("maps", a->files,
+             "frames of the mat, one finger pressed to rising forces (CSV, as Tekscan's programs write)")
+        .required();
+    add_finger_options(c, "--finger", "which finger (default: index-median)", a->source);
+    c.option("--first-cell", a->first_cell, "row,column of the first cell under the finger, counted from 1")
+        .comma_separated();
+    c.option("--cells", a->cells, "rows, and columns, under the finger").range(2, 100);
+    c.option("--cell-mm", a->cell_mm, "from cell to cell").range(0.1, 50.0);
+    c.option("--kPa-per-count", a->kPa_per_count, "of the frames' numbers").range(1e-6, 1e6);
+    c.option("--clipped", a->clipped, "frames with counts of this or more are not fitted").range(1.0, 1e9);
+    c.option("--angle", a->angles_deg, "between mat and finger axis [degrees]; of several the one that fits best")
+        .comma_separated()
+        .range(-30.0, 90.0);
+    c.option("--elements", a->elements, "wanted number of tetrahedra (default: as the finger says)").range(20, 200000);
+    c.option("--out", a->out, "folder of pressure.svg, measured and simulated side by side; empty: none");
+    c.flag("--json", a->json, "print the result as JSON");
+    return [a] { return run_pressure(*a); };
+}
+
+}  // namespace palpate
