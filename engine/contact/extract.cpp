@@ -241,24 +241,26 @@ void add_soft_sample(const SkinChunk<T>& c, const Stencil& stencil, const SoftSa
     out.normal_force += s.terms.normal_force;
 }
 
-/// A soft object's surface is so far from a sample of a finger: where nothing else is nearer, that is its gap.
-void add_gap(double gap, std::size_t sample, ContactSurface& out) {
-    gap = std::max(0.0, gap);
+/// A soft object's surface is so far from a sample of a finger: where nothing else is nearer, that is its gap. Both
+/// give way where they press, 1/E = 1/E_1 + 1/E_2: a gap against both is one against the skin alone of that share.
+void add_gap(double gap, double modulus, std::size_t sample, ContactSurface& out) {
+    gap = std::max(0.0, gap) * modulus / (modulus + out.modulus);
     out.gap[sample] = out.gap[sample] > 0 ? std::min(out.gap[sample], gap) : gap;
 }
 
 /// What a pair bears goes to both of its contact surfaces; what sleeps keeps what it had (null). The area is that of
 /// the finger's skin, for a face of the object may be far larger than what presses on it.
 template <class T>
-void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, const SoftPair& p, int object,
+void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, const SoftPair& p, const SoftObject& o,
                   ContactSurface* of_finger, ContactSurface* of_soft) {
+    const int object = o.object;
     ObjectContact on_finger{object}, on_soft{-1, p.finger};
     const double before = of_finger ? of_finger->touching_area : 0;
     for (const SoftSample& s : p.samples) {
         if (!s.near) continue;
         if (of_finger && s.of_finger.count == 1) {
             const int sample = sample_of(finger, s.of_finger.node[0]);
-            if (sample >= 0) add_gap(s.gap, std::size_t(sample), *of_finger);
+            if (sample >= 0) add_gap(s.gap, o.surface.modulus, std::size_t(sample), *of_finger);
         }
         if (s.idle) continue;
         on_finger.normal_force += s.terms.normal_force;
@@ -300,7 +302,7 @@ void extract_soft(const Table<Skin>& skins, double tolerance, SoftObjects& soft,
         const SkinChunk<double>& of_soft = chunks.doubles[std::size_t(o.skin.chunk)];
         const Skin& finger = skins[std::size_t(p.finger)];
         chunks.with(finger.single_precision, finger.chunk, [&](const auto& c) {
-            extract_pair(c, of_soft, p, o.object, fresh(c, finger.lane) ? &surfaces[std::size_t(p.finger)] : nullptr,
+            extract_pair(c, of_soft, p, o, fresh(c, finger.lane) ? &surfaces[std::size_t(p.finger)] : nullptr,
                          fresh(of_soft, o.skin.lane) ? &o.surface : nullptr);
         });
     }

@@ -33,13 +33,15 @@ void read_level_of_detail(Section& s, SolverSettings& v) {
     v.detail_penetration = automatic ? penetration : 0;
 }
 
-/// What nothing is said of: grasps on fingers whose elements share changes of volume, and those with the cheapest
-/// preset, do not come to rest without it; on others it costs time and changes little (bench/README.md, "Meshes").
+/// What nothing is said of: grasps on fingers whose elements share changes of volume, but have limits of their own, and
+/// those with the cheapest preset, do not come to rest without it; on others it costs time and changes little
+/// (bench/README.md, "Meshes").
 int steadying_where_needed(const Scene& scene) {
     constexpr int enough = 8;
     const auto& fingers = scene.spec.fingers;
-    const bool patched =
-        std::any_of(fingers.begin(), fingers.end(), [](const FingerSpec& f) { return !f.mesh.patches.empty(); });
+    const bool patched = std::any_of(fingers.begin(), fingers.end(), [](const FingerSpec& f) {
+        return !f.mesh.patches.empty() && f.mesh.limit_patches.empty();
+    });
     return scene.preset == 0 || patched ? enough : 0;
 }
 
@@ -71,7 +73,7 @@ void read_solver(Section s, Scene& scene) {
         "steadying_iterations", v.steadying_iterations, steadying_iterations,
         "Most linear solves more in a step that would shake a body held by tissue at its strain limits, so that a "
         "grasp comes to rest. 0: none. Where nothing is said: 8 with preset \"fast\" and where a finger's mesh has "
-        "patches, else 0. A step that `deadline_ms` sends to another preset has none.");
+        "patches but limits of elements, else 0. A step that `deadline_ms` sends to another preset has none.");
     s.integer("sample_refinement", v.sample_refinement, sample_refinement,
               "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces.");
     s.number("limit_tolerance", v.limit_tolerance, unit::one, limit_tolerance,

@@ -48,25 +48,30 @@ struct RearmKey {
     }
 };
 
-/// The preset for a budget; says what was measured.
-std::string affordable_preset(const RunArguments& a, const std::vector<std::string>& overrides,
-                              const std::atomic<bool>& stop) {
+/// The settings for a budget; says what was measured.
+std::vector<std::string> affordable_settings(const RunArguments& a, const std::vector<std::string>& overrides,
+                                             const std::atomic<bool>& stop) {
     Progress progress("budget", a.quiet);
     const BudgetChoice choice =
-        preset_within(a.budget_ms, a.scene, overrides, a.threads, stop, [&](double share) { progress.show(share); });
+        choice_within(a.budget_ms, a.scene, overrides, a.threads, stop, [&](double share) { progress.show(share); });
     progress.clear();
     std::string told;
-    for (const PresetTime& t : choice.tried) {
-        char line[80];
-        std::snprintf(line, sizeof line, "%s%s %.2f ms%s", told.empty() ? "" : ", ", t.preset.c_str(), t.p99_ms,
-                      t.cached ? " (measured earlier)" : "");
+    for (const BudgetPoint& t : choice.tried) {
+        char line[120];
+        std::snprintf(line, sizeof line, "%s%s %s%.2f ms%s", told.empty() ? "" : ", ", name_of(t).c_str(),
+                      t.exceeded ? "over " : "", t.p99_ms, t.cached ? " (measured earlier)" : "");
         told += line;
     }
-    if (choice.preset.empty() && !stop)
+    if (!choice.found && !stop)
         throw InputError(a.scene + ": no preset keeps its steps within " + std::to_string(a.budget_ms) +
                          " ms on this machine (p99: " + told + "); fewer elements, or fewer fingers, would");
-    if (!a.quiet && !a.json) std::printf("budget %.3g ms: p99 of a step: %s\n", a.budget_ms, told.c_str());
-    return choice.preset.empty() ? "fast" : choice.preset;
+    if (!a.quiet && !a.json) {
+        char budget[60];
+        std::snprintf(budget, sizeof budget, "budget %.3g ms: p99 of a step: ", a.budget_ms);
+        const std::string chosen = choice.found ? "; taken: " + name_of(choice.chosen) : "";
+        std::printf("%s", wrapped(budget + told + chosen).c_str());
+    }
+    return choice.found ? choice.settings() : std::vector<std::string>{"solver.preset=fast"};
 }
 
 /// False, and says why, where not all of it could be written.
@@ -91,7 +96,8 @@ std::vector<std::string> all_overrides(const RunArguments& a, const std::atomic<
     std::vector<std::string> overrides = a.overrides;
     if (a.duration > 0) overrides.push_back("duration_s=" + std::to_string(a.duration));
     if (a.statics) overrides.push_back("solver.static=true");
-    if (a.budget_ms > 0) overrides.push_back("solver.preset=" + affordable_preset(a, overrides, stop));
+    if (a.budget_ms > 0)
+        for (const std::string& o : affordable_settings(a, overrides, stop)) overrides.push_back(o);
     return overrides;
 }
 
@@ -239,7 +245,9 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
     c.option("--duration", a->duration, "seconds to simulate (default: the scene's)").range(1e-3, 1e5);
     c.flag("--static", a->statics, "static equilibrium in every step: no inertia, no damping");
     c.option("--budget-ms", a->budget_ms,
-             "take the most accurate preset whose steps (p99) end within this time on this machine")
+             "take the most accurate preset and, where nobody says how many elements fingers have, mesh whose steps "
+             "(p99) end "
+             "within this time on this machine")
         .range(1e-3, 1e4);
     c.flag("--arm", a->arm, "drive real thimbles, in real time; without it nothing moves");
     c.option("--hold", a->hold,

@@ -1,27 +1,41 @@
 #pragma once
-// The most accurate preset whose steps end in time on this machine.
+// The most accurate preset and mesh whose steps end in time on this machine.
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 namespace palpate {
 
-/// p99 of a step by preset, where it has been measured.
-struct PresetTime {
+/// A preset of the solver, a size of fingers' meshes, and p99 of a step with both, where it has been measured.
+struct BudgetPoint {
     std::string preset;
-    double p99_ms = 0;
-    bool cached = false;  ///< of an earlier calibration of the same scene, settings, program, machine and threads
+    int elements = 0;       ///< of each finger; 0: as the scene says
+    double error = 0;       ///< typical of the field of forces, as a share of it
+    double p99_ms = 0;      ///< or, where it is clear sooner that steps take longer, a time that p99 exceeds
+    bool exceeded = false;  ///< p99_ms is such a time
+    bool cached = false;    ///< of an earlier calibration of the same scene, settings, program, machine and threads
 };
+/// "balanced", or "balanced with 700 tetrahedra a finger".
+std::string name_of(const BudgetPoint& point);
+
 struct BudgetChoice {
-    std::string preset;             ///< empty: none keeps the budget
-    std::vector<PresetTime> tried;  ///< most accurate first
+    bool found = false;
+    BudgetPoint chosen;
+    std::vector<BudgetPoint> tried;             ///< in the order in which they were
+    std::vector<std::string> settings() const;  ///< overrides that make a scene what was chosen
 };
 
-/// Runs half of the scene, and a second of it at least, with each preset from the most accurate on until one keeps the
-/// budget. What that measures is kept in $XDG_CACHE_HOME/palpate (or ~/.cache/palpate), one small file per calibration.
-BudgetChoice preset_within(double budget_ms, const std::filesystem::path& scene,
+/// All that can be chosen from, most accurate first: presets, with meshes of 347 to 2,800 tetrahedra where `meshes`.
+std::vector<BudgetPoint> budget_points(bool meshes);
+
+/// Runs half of the scene, and a second of it at least, with the cheapest preset, and then from the most accurate on
+/// with what that lets hope to keep the budget, until one does. Meshes are chosen where all fingers are shapes or
+/// presets of whose size nobody says anything. What is measured is kept in $XDG_CACHE_HOME/palpate (or
+/// ~/.cache/palpate), one small file per calibration.
+BudgetChoice choice_within(double budget_ms, const std::filesystem::path& scene,
                            const std::vector<std::string>& overrides, int threads, const std::atomic<bool>& stop,
                            const std::function<void(double)>& progress = {});
 

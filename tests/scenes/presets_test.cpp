@@ -108,16 +108,42 @@ TEST(Budget, CalibrationIsKept) {
     ASSERT_EQ(setenv("XDG_CACHE_HOME", scratch.path.c_str(), 1), 0);
     const std::atomic<bool> stop{false};
     const std::vector<std::string> overrides{"duration_s=0.2"};
-    const BudgetChoice first = preset_within(1e4, scenes + "press.toml", overrides, 1, stop);
-    const BudgetChoice second = preset_within(1e4, scenes + "press.toml", overrides, 1, stop);
-    const BudgetChoice other = preset_within(1e4, scenes + "press.toml", {"duration_s=0.3"}, 1, stop);
+    const BudgetChoice first = choice_within(1e4, scenes + "press.toml", overrides, 1, stop);
+    const BudgetChoice second = choice_within(1e4, scenes + "press.toml", overrides, 1, stop);
+    const BudgetChoice other = choice_within(1e4, scenes + "press.toml", {"duration_s=0.3"}, 1, stop);
     unsetenv("XDG_CACHE_HOME");
-    ASSERT_EQ(first.tried.size(), 1u);
-    EXPECT_EQ(first.preset, "reference");
+    ASSERT_EQ(first.tried.size(), 2u) << "the cheapest, and the most accurate";
+    ASSERT_TRUE(first.found);
+    EXPECT_EQ(name_of(first.chosen), "reference with 2800 tetrahedra a finger");
     EXPECT_FALSE(first.tried[0].cached);
-    EXPECT_TRUE(second.tried[0].cached);
+    for (const BudgetPoint& p : second.tried) EXPECT_TRUE(p.cached);
     EXPECT_NEAR(second.tried[0].p99_ms, first.tried[0].p99_ms, 1e-4 * first.tried[0].p99_ms);
     EXPECT_FALSE(other.tried[0].cached);
+}
+
+/// Elements against iterations: what is taken keeps the budget, and nothing that was tried and does is more accurate.
+TEST(Budget, TradesElementsAgainstIterations) {
+    testing::ScratchFolder scratch;
+    ASSERT_EQ(setenv("XDG_CACHE_HOME", scratch.path.c_str(), 1), 0);
+    const std::atomic<bool> stop{false};
+    const std::vector<BudgetPoint> points = budget_points(true);
+    for (std::size_t k = 1; k < points.size(); ++k) EXPECT_LE(points[k - 1].error, points[k].error);
+    for (const double budget_ms : {1e4, 2.0, 1e-6}) {
+        const BudgetChoice choice = choice_within(budget_ms, scenes + "press.toml", {"duration_s=0.15"}, 1, stop);
+        EXPECT_EQ(choice.found, budget_ms > 1e-3);
+        for (const BudgetPoint& p : choice.tried) {
+            if (p.exceeded || p.p99_ms > budget_ms) continue;
+            EXPECT_GE(p.error, choice.chosen.error) << name_of(p);
+        }
+        if (!choice.found) continue;
+        EXPECT_LE(choice.chosen.p99_ms, budget_ms);
+    }
+    // Whoever says how many elements there are is not contradicted.
+    const BudgetChoice said =
+        choice_within(1e4, scenes + "press.toml", {"duration_s=0.1", "finger.index.elements=300"}, 1, stop);
+    unsetenv("XDG_CACHE_HOME");
+    EXPECT_EQ(said.chosen.elements, 0);
+    EXPECT_EQ(said.settings(), std::vector<std::string>{"solver.preset=reference"});
 }
 
 }  // namespace
