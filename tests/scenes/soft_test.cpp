@@ -67,6 +67,27 @@ TEST(Soft, FingerAndObjectPressEachOtherAlike) {
     }
 }
 
+/// Where contact ends between nodes hangs on how soft both are: on a slab that hardly gives way a finger touches what
+/// it touches on a rigid box, though its skin is far stiffer than what lies below it.
+TEST(Soft, OnAStiffSlabAFingerTouchesAsMuchAsOnARigidOne) {
+    const std::string soft = "\n[object.soft]\nyoung_kPa = 10\nelements = 400\nfixed = \"bottom\"\n", text = slab();
+    const std::size_t at = text.find(soft);
+    ASSERT_NE(at, std::string::npos);
+    double area[2], force[2];
+    for (const bool rigid : {false, true}) {
+        std::string of = text;
+        of.replace(at, soft.size(),
+                   rigid ? "\n" : "\n[object.soft]\nyoung_kPa = 100000\nelements = 400\nfixed = \"bottom\"\n");
+        Simulation s = load(of);
+        for (int k = 0; k < 90; ++k) advance(s);
+        const ContactSurface& c = s.world.contact_surfaces[0];
+        area[rigid] = c.touching_area, force[rigid] = c.normal_force;
+    }
+    EXPECT_GT(force[1], 0.2);
+    EXPECT_NEAR(force[0], force[1], 0.05 * force[1]);
+    EXPECT_NEAR(area[0], area[1], 0.05 * area[1]);
+}
+
 TEST(Soft, ATableSaysWhatBecameOfIt) {
     Simulation s = load(slab());
     double most = 0;
