@@ -134,7 +134,7 @@ BudgetChoice choice_within(double budget_ms, const std::filesystem::path& scene,
     BudgetChoice choice;
     const std::filesystem::path folder = cache_folder();
     const std::vector<BudgetPoint> points = budget_points(meshes_are_free(scene, overrides));
-    const auto try_out = [&](const BudgetPoint& p) -> const BudgetPoint& {
+    const auto try_out = [&](const BudgetPoint& p) {
         BudgetPoint point = p;
         BudgetChoice as_tried;
         as_tried.chosen = p;
@@ -152,7 +152,8 @@ BudgetChoice choice_within(double budget_ms, const std::filesystem::path& scene,
             if (!error && !file.empty() && !stop)
                 std::ofstream(file) << point.p99_ms << (point.exceeded ? " exceeded" : "") << "\n";
         }
-        return choice.tried.emplace_back(point);
+        choice.tried.push_back(point);
+        return point;
     };
     const auto keeps = [&](const BudgetPoint& p) { return !p.exceeded && p.p99_ms > 0 && p.p99_ms <= budget_ms; };
     const BudgetPoint& cheapest =
