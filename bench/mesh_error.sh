@@ -2,7 +2,7 @@
 # What a mesh costs and what it loses: the index finger presses (at 0, 15, 30 degrees), rolls, presses on an edge, on a ball.
 # usage: bench/mesh_error.sh [PALPATE] [ELEMENTS] [KEY=VALUE ...], such as: PALPATE 347,1400 finger.index.bone.cut=0.06
 # One row per scene and mesh: errors in % of the net force, of the force field on a grid of 3 mm and of the area, mean over
-# the steps in contact, against twice the finest mesh of the list (3,200 and more) with the same settings; the median of a step; and what
+# the steps in contact, against twice the finest mesh of the list (4,000 and more) with the same settings; the median of a step; and what
 # that reference is itself uncertain by. SCENES names fewer. Results stand in OUT (default: results/mesh_error); each call runs all anew.
 set -e
 root=$(cd "$(dirname "$0")/.." && pwd)

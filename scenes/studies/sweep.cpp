@@ -166,7 +166,8 @@ ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& p
     // Of meshes, the coarsest of three tells what the step leaves. Each has four times the elements of the one before,
     // edges of about 0.63 times the length: meshes that are not nested differ by chance, too.
     const bool mesh = kind == SweepReference::mesh;
-    const int finest = std::max(2 * plan.finest_elements, 3200), coarsest = mesh ? finest / 16 : 0;
+    // With fewer than 250 elements fingers are uniform, another kind of mesh.
+    const int finest = std::max(2 * plan.finest_elements, 16 * 250), coarsest = mesh ? finest / 16 : 0;
     const double dt = request.dt_ms;
     const SweepTrace fourfold = solve(4 * dt, coarsest), twofold = solve(2 * dt, coarsest);
     r.trace = solve(dt, coarsest);

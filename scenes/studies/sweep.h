@@ -49,7 +49,7 @@ SweepErrors errors_of(const SweepTrace& trace, const SweepTrace& reference,
 double richardson(double change_before, double last_change);
 
 /// The converged reference: half the finest step of all that is held against it and, for meshes, twice the
-/// finest mesh, at least 3,200 elements.
+/// finest mesh, at least 4,000 elements.
 struct ReferenceRun {
     SweepTrace trace;
     SweepErrors uncertainty;  ///< of its step, and of its mesh, by three refinements of each
