@@ -212,16 +212,21 @@ void collect_patches(SkinTopology& t, const TetMesh& mesh) {
 
 /// Limit patches, and the nodes of each, ascending.
 void collect_limit_patches(SkinTopology& t, const TetMesh& mesh) {
+    // An element in no patch is one of its own.
+    const auto patch_of = [&](int e) {
+        const int patch = mesh.limit_patches[std::size_t(e)];
+        return patch >= 0 ? patch : -1 - e;
+    };
     std::map<int, std::set<int>> nodes;  // of the patches that deform
     for (std::size_t e = 0; e < t.elements.size(); ++e)
-        nodes[mesh.limit_patches[std::size_t(t.mesh_element[e])]].insert(t.elements[e].begin(), t.elements[e].end());
+        nodes[patch_of(t.mesh_element[e])].insert(t.elements[e].begin(), t.elements[e].end());
     std::map<int, int> number;
     for (const auto& [patch, of_patch] : nodes) {
         number[patch] = int(t.limit_patches.size());
         t.limit_patches.push_back({int(t.limit_nodes.size()), int(of_patch.size()), 0});
         t.limit_nodes.insert(t.limit_nodes.end(), of_patch.begin(), of_patch.end());
     }
-    for (int e : t.mesh_element) t.element_limit_patch.push_back(number.at(mesh.limit_patches[std::size_t(e)]));
+    for (int e : t.mesh_element) t.element_limit_patch.push_back(number.at(patch_of(e)));
 }
 
 /// Notes which blocks nothing is ever added to.
@@ -279,25 +284,23 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         for (int k = 0, a = 0; a < 4; ++a)
             for (int b = 0; b <= a; ++b, ++k) destinations[k] = block(tet[a], tet[b]);
     }
+    const auto number_blocks = [&](auto& patch, std::vector<int>& all_nodes, std::vector<int>& blocks) {
+        const auto nodes = all_nodes.begin() + patch.first_node;
+        std::sort(nodes, nodes + patch.node_count, [&](int a, int b) { return order(a) < order(b); });
+        patch.first_block = int(blocks.size());
+        for (int a = 0; a < patch.node_count; ++a)
+            for (int b = 0; b <= a; ++b) blocks.push_back(block(nodes[a], nodes[b]));
+    };
     for (VolumePatch& p : t.patches) {
+        number_blocks(p, t.patch_nodes, t.patch_blocks);
         const auto nodes = t.patch_nodes.begin() + p.first_node;
-        std::sort(nodes, nodes + p.node_count, [&](int a, int b) { return order(a) < order(b); });
-        p.first_block = int(t.patch_blocks.size());
-        for (int a = 0; a < p.node_count; ++a)
-            for (int b = 0; b <= a; ++b) t.patch_blocks.push_back(block(nodes[a], nodes[b]));
         for (int e = p.first; e < p.first + p.count; ++e) {
             auto& place = t.element_place.emplace_back();
             for (int a = 0; a < 4; ++a)
                 place[a] = int(std::find(nodes, nodes + p.node_count, t.elements[e][a]) - nodes);
         }
     }
-    for (LimitPatch& p : t.limit_patches) {
-        const auto nodes = t.limit_nodes.begin() + p.first_node;
-        std::sort(nodes, nodes + p.node_count, [&](int a, int b) { return order(a) < order(b); });
-        p.first_block = int(t.limit_blocks.size());
-        for (int a = 0; a < p.node_count; ++a)
-            for (int b = 0; b <= a; ++b) t.limit_blocks.push_back(block(nodes[a], nodes[b]));
-    }
+    for (LimitPatch& p : t.limit_patches) number_blocks(p, t.limit_nodes, t.limit_blocks);
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
