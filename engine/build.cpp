@@ -14,22 +14,6 @@ namespace palpate {
 
 namespace {
 
-/// Young's modulus along the skin of the elements that have a face, or three corners, in the pad [Pa]: what the gap
-/// beside a contact opens against, within an element of its edge.
-double skin_modulus(const FingerSpec& finger) {
-    const TetMesh& mesh = finger.mesh;
-    if (finger.element_young.empty()) return finger.young_modulus;
-    double sum = 0;
-    int count = 0;
-    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
-        const auto of_pad = [&](int i) { return std::binary_search(mesh.pad_nodes.begin(), mesh.pad_nodes.end(), i); };
-        if (std::count_if(mesh.tets[e].begin(), mesh.tets[e].end(), of_pad) < 3) continue;
-        sum += finger.element_young[e] + (finger.element_membrane.empty() ? 0 : finger.element_membrane[e]);
-        ++count;
-    }
-    return count > 0 ? sum / count : finger.young_modulus;
-}
-
 ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& bone);
 
 /// Fingers of one archetype: same connectivity, precision and material.
@@ -42,7 +26,8 @@ struct Archetype {
 
 bool same_connectivity(const TetMesh& a, const TetMesh& b) {
     return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes &&
-           a.pad_nodes == b.pad_nodes && a.patches == b.patches && a.limit_patches == b.limit_patches;
+           a.pad_nodes == b.pad_nodes && a.patches == b.patches && a.limit_patches == b.limit_patches &&
+           a.membrane_patches == b.membrane_patches;
 }
 
 std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {
@@ -277,7 +262,8 @@ ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& 
     const std::vector<double> area = nodal_areas(mesh);
     ContactSurface c;
     c.bone = bone;
-    c.modulus = skin_modulus(finger) / (1 - finger.poisson_ratio * finger.poisson_ratio);
+    const double young = finger.skin_modulus > 0 ? finger.skin_modulus : finger.young_modulus;
+    c.modulus = young / (1 - finger.poisson_ratio * finger.poisson_ratio);
     for (int node : mesh.pad_nodes) {
         c.area.push_back(area[node]);
         c.position.push_back({mesh.nodes[node][0], mesh.nodes[node][1], mesh.nodes[node][2]});

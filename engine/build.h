@@ -24,6 +24,8 @@ struct FingerSpec {
     /// there, [element]; empty where none does (laminate.h).
     std::vector<double> element_membrane;
     std::vector<Point> element_normal;
+    double skin_modulus = 0;  ///< Young's modulus across the outermost layer [Pa]: what the gap beside a contact opens
+                              ///< against; 0: young_modulus
     bool single_precision = false;
     Coupling coupling;                      ///< its tracker is set by build_world
     std::optional<PoseFilter> filter = {};  ///< of its tracked pose

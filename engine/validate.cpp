@@ -42,6 +42,10 @@ void check_tissue(const FingerSpec& f, Complaints& c) {
     c.need(f.mesh.limit_patches.empty() ||
                (f.mesh.limit_patches.size() == f.mesh.tets.size() && f.material == Material::corotational),
            c.who + "limit patches must be one number per element, and need corotational tissue");
+    c.need(f.mesh.membrane_patches.empty() || f.mesh.membrane_patches.size() == f.mesh.tets.size(),
+           c.who + "membrane patches must be one number per element");
+    c.need(f.skin_modulus == 0 || finger_bounds::young_modulus.holds(f.skin_modulus),
+           c.who + "the skin's modulus must be one of tissue, or 0 for that of the finger");
     auto within = [&](const char* what, double value, const Range& bounds, const char* unit) {
         c.within(what, value, bounds, unit);
     };

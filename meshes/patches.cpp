@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "meshes/input_error.h"
 
@@ -75,6 +76,45 @@ double squared_distance(const Point& a, const Point& b) {
     return sum;
 }
 
+/// Tetrahedra with a face in the skin that can touch, beside each other where faces share an edge.
+Graph skin_graph(const TetMesh& mesh) {
+    const std::size_t count = mesh.tets.size();
+    Graph g{std::vector<std::vector<int>>(count), std::vector(count, Point{0, 0, 0}), std::vector<bool>(count, false)};
+    std::map<std::array<int, 3>, Point> centre;  // of each face
+    for (const auto& t : mesh.surface) {
+        if (std::none_of(t.begin(), t.end(),
+                         [&](int i) { return std::binary_search(mesh.pad_nodes.begin(), mesh.pad_nodes.end(), i); }))
+            continue;
+        auto face = t;
+        std::sort(face.begin(), face.end());
+        Point& c = centre[face] = {0, 0, 0};
+        for (int i : t)
+            for (std::size_t d = 0; d < 3; ++d) c[d] += mesh.nodes[std::size_t(i)][d] / 3;
+    }
+    std::map<std::array<int, 2>, std::vector<int>> beside;  // edge -> elements
+    for (std::size_t e = 0; e < count; ++e) {
+        double faces = 0;
+        for (std::size_t f = 0; f < 4; ++f) {
+            const auto& tet = mesh.tets[e];
+            std::array<int, 3> face{tet[(f + 1) % 4], tet[(f + 2) % 4], tet[(f + 3) % 4]};
+            std::sort(face.begin(), face.end());
+            const auto it = centre.find(face);
+            if (it == centre.end()) continue;
+            g.deforms[e] = true;
+            faces += 1;
+            for (std::size_t d = 0; d < 3; ++d) g.centre[e][d] += (it->second[d] - g.centre[e][d]) / faces;
+            for (const auto& edge :
+                 {std::array{face[0], face[1]}, std::array{face[0], face[2]}, std::array{face[1], face[2]}})
+                beside[edge].push_back(int(e));
+        }
+    }
+    for (const auto& [edge, elements] : beside)
+        for (int a : elements)
+            for (int b : elements)
+                if (a != b) g.neighbour[std::size_t(a)].push_back(b);
+    return g;
+}
+
 /// Connected, compact groups of about `size`, and of no more than `most`; -1 for what does not deform.
 std::vector<int> compact_groups(const Graph& g, int size, int most) {
     const int count = int(g.centre.size());
@@ -139,11 +179,19 @@ void make_patches(TetMesh& mesh, int size) {
     mesh.patches = compact_groups(element_graph(mesh), size, most);
 }
 
+void make_membrane_patches(TetMesh& mesh, int size) {
+    constexpr int most = 8;
+    if (size < 1 || size > most) throw InputError("a patch of skin has 1 to 8 elements, found " + std::to_string(size));
+    mesh.membrane_patches = compact_groups(skin_graph(mesh), size, most);
+}
+
 void make_limit_patches(TetMesh& mesh, int count, int fewest) {
     const Graph elements = element_graph(mesh);
     const auto deforming = double(std::count(elements.deforms.begin(), elements.deforms.end(), true));
     const double size = std::max(double(fewest), deforming / count);
-    if (mesh.patches.empty() || deforming == 0) {
+    // Whole patches of volume, whose nodes are neighbours already, unless those are larger.
+    const double volume_patches = double(std::set<int>(mesh.patches.begin(), mesh.patches.end()).size());
+    if (volume_patches == 0 || deforming > 1.2 * size * volume_patches) {
         mesh.limit_patches = compact_groups(elements, int(std::lround(size)), 2 * int(std::lround(size)));
         return;
     }

@@ -20,6 +20,8 @@ struct TetMesh {
         patches;  ///< [tet] number, from 0, of the patch that shares one change of volume; empty: none does
     std::vector<int> limit_patches;  ///< [tet] number, from 0, of the patch whose mean deformation strain limits hold;
                                      ///< empty: each tetrahedron's own
+    std::vector<int> membrane_patches;  ///< [tet] number, from 0, of the patch of skin whose mean stretch a membrane
+                                        ///< resists; -1, or empty: its own
 };
 
 }  // namespace palpate

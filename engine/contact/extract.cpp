@@ -257,12 +257,11 @@ void extract_pair(const SkinChunk<T>& finger, const SkinChunk<double>& soft, con
     ObjectContact on_finger{object}, on_soft{-1, p.finger};
     const double before = of_finger ? of_finger->touching_area : 0;
     for (const SoftSample& s : p.samples) {
-        if (!s.near) continue;
         if (of_finger && s.of_finger.count == 1) {
-            const int sample = sample_of(finger, s.of_finger.node[0]);
-            if (sample >= 0) add_gap(s.gap, o.surface.modulus, std::size_t(sample), *of_finger);
+            const int sample = sample_of(finger, s.of_finger.node[0]);  // nothing near: far, as in find_gaps()
+            if (sample >= 0) add_gap(s.near ? s.gap : HUGE_VAL, o.surface.modulus, std::size_t(sample), *of_finger);
         }
-        if (s.idle) continue;
+        if (!s.near || s.idle) continue;
         on_finger.normal_force += s.terms.normal_force;
         on_finger.friction_force += norm(s.terms.tangential);
         on_finger.force += -1.0 * s.terms.gradient;

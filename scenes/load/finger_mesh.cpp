@@ -14,8 +14,14 @@ namespace palpate {
 
 namespace {
 
-/// Of a finger, whatever its mesh: what 350 elements have in patches of five, which is the fewest of finer meshes, too.
-constexpr int limit_patch_count = 70, fewest_limit_elements = 5;
+/// Limit patches of a finger, whatever its mesh, and the elements that each has at least: what 350 elements have.
+struct LimitPatches {
+    int count, fewest;
+};
+/// Fewer where there is a skin: fitted with the presets, whose coarsest mesh otherwise saturates too early.
+constexpr LimitPatches limit_patches{70, 5}, limit_patches_with_skin{60, 6};
+/// Faces of skin that share one stretch. Fitted to presses of 0.3 to 2 mm with 350 to 4,000 elements.
+constexpr int membrane_patch_size = 8;
 
 void mark_bone(TetMesh& mesh, const FingerMeshRequest& r) {
     if (!r.bone_nodes.empty()) {
@@ -55,10 +61,20 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
                      [&] { return tetrahedralise(surface, {.elements = r.elements}); });
 }
 
+/// Patches of what shares its change of volume, its strain limits, its stretch along the skin; of templates once.
+void group_elements(TetMesh& mesh, const FingerMeshRequest& r) {
+    if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
+    if (r.patches_limited.value_or(false) && mesh.limit_patches.empty()) {
+        const LimitPatches wanted = r.layered ? limit_patches_with_skin : limit_patches;
+        make_limit_patches(mesh, wanted.count, wanted.fewest);
+    }
+    if (r.patch > 0 && r.layered && mesh.membrane_patches.empty()) make_membrane_patches(mesh, membrane_patch_size);
+}
+
 /// What a template is made of, in full.
 std::string template_key(const FingerMeshRequest& r, double nail_drop) {
     std::string key = std::to_string(r.elements) + " " + std::to_string(r.patch) + " " +
-                      std::to_string(r.patches_limited.value_or(false));
+                      std::to_string(r.patches_limited.value_or(false)) + " " + std::to_string(r.layered);
     const auto add = [&](double x) {
         char text[40];
         std::snprintf(text, sizeof text, " %.17g", x);
@@ -87,8 +103,7 @@ TetMesh kept_or_made(const std::string& key, const FingerMeshRequest& r, const F
     Kept made;
     made.mesh = filled(r, finger_surface(shape), made.note);
     // Of all sizes alike.
-    if (r.patch > 0) make_patches(made.mesh, r.patch);
-    if (r.patches_limited.value_or(false)) make_limit_patches(made.mesh, limit_patch_count, fewest_limit_elements);
+    group_elements(made.mesh, r);
     const std::lock_guard lock(mutex);
     if (all.size() >= 8) all.clear();
     return note += made.note, (all[key] = std::move(made)).mesh;
@@ -153,9 +168,7 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
         change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
     }
-    if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
-    if (r.patches_limited.value_or(false) && mesh.limit_patches.empty())
-        make_limit_patches(mesh, limit_patch_count, fewest_limit_elements);
+    group_elements(mesh, r);
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

@@ -22,6 +22,7 @@ struct FingerMeshRequest {
     enum class Kind { uniform, conforming } kind = Kind::uniform;  ///< of a parametric finger or a surface
     int patch = 0;                          ///< elements that share one change of volume; 0: none do
     std::optional<bool> patches_limited{};  ///< strain limits are of patches, not of tetrahedra; absent: as usual
+    bool layered = false;                   ///< has a skin: with patches of elements, patches of skin, too
     bool by_default = false;                ///< kind and patch are those of scenes that say nothing of them
     Grading grading;                        ///< of a conforming mesh
     FingerRegions regions;

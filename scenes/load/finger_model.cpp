@@ -180,6 +180,10 @@ void read_layers(Section& owner, const FingerSpec& below, std::vector<TissueLaye
         l.young_modulus = below.young_modulus, l.limit_low = below.limit_low, l.limit_high = below.limit_high;
         s.number("young_kPa", l.young_modulus, unit::kPa, in(unit::kPa, finger_bounds::young_modulus),
                  "Young's modulus; by default that of the finger's material.", usual_young);
+        s.number("across_kPa", l.across, unit::kPa, in(unit::kPa, finger_bounds::young_modulus),
+                 "Young's modulus across the skin, and the one that counts in shear across it, where it is another: "
+                 "skin's fibres lie along it. By default young_kPa.",
+                 usual_young);
         s.number("low", l.limit_low, unit::one, finger_bounds::limit_low,
                  "Lower bound of its principal stretches; by default that of the finger's limits.");
         s.number("high", l.limit_high, unit::one, finger_bounds::limit_high,
@@ -285,7 +289,10 @@ void read_named_finger(const std::string& name, const std::filesystem::path& fol
 void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
     f.element_young.clear(), f.element_low.clear(), f.element_high.clear();
     f.element_membrane.clear(), f.element_normal.clear();
+    f.skin_modulus = 0;
     if (layers.empty()) return;
+    const auto across_of = [](const TissueLayer& l) { return l.across > 0 ? l.across : l.young_modulus; };
+    f.skin_modulus = across_of(layers.front());
     std::vector<double> thicknesses;
     for (const TissueLayer& l : layers) thicknesses.push_back(l.thickness);
     LayerShares found = layer_shares(f.mesh, thicknesses);
@@ -296,7 +303,7 @@ void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
                low = shares.back() * f.limit_low, high = shares.back() * f.limit_high;
         for (std::size_t k = 0; k < layers.size(); ++k) {
             along += shares[k] * layers[k].young_modulus;
-            across += shares[k] / layers[k].young_modulus;
+            across += shares[k] / across_of(layers[k]);
             low += shares[k] * layers[k].limit_low;
             high += shares[k] * layers[k].limit_high;
         }
@@ -315,6 +322,7 @@ FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::s
     FingerSpec f = m.spec;
     FingerMeshRequest request = m.mesh;
     if (!f.has_limits) request.patches_limited = false;
+    request.layered = !m.layers.empty();
     f.mesh = make_finger_mesh(request, templates, note);
     apply_layers(m.layers, f);
     if (!m.layers.empty()) note += ", " + std::to_string(m.layers.size() + 1) + " layers of tissue";
@@ -385,9 +393,11 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
         << "\", young_kPa = " << m.spec.young_modulus / kPa << ", poisson = " << m.spec.poisson_ratio
         << ", density_kg_per_m3 = " << m.spec.density << " }\n";
     if (m.spec.has_limits) out << "limits = { low = " << m.spec.limit_low << ", high = " << m.spec.limit_high << " }\n";
-    for (const TissueLayer& l : m.layers)
-        out << "\n[[layer]]\nthickness_mm = " << l.thickness / mm << "\nyoung_kPa = " << l.young_modulus / kPa
-            << "\nlow = " << l.limit_low << "\nhigh = " << l.limit_high << "\n";
+    for (const TissueLayer& l : m.layers) {
+        out << "\n[[layer]]\nthickness_mm = " << l.thickness / mm << "\nyoung_kPa = " << l.young_modulus / kPa;
+        if (l.across > 0) out << "\nacross_kPa = " << l.across / kPa;
+        out << "\nlow = " << l.limit_low << "\nhigh = " << l.limit_high << "\n";
+    }
     write_file(path, out.str());
 }
 

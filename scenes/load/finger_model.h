@@ -19,6 +19,7 @@ struct TissueLayer {
     double thickness = 1e-3;      ///< [m]
     double young_modulus = 80e3;  ///< [Pa]
     double limit_low = 0.6, limit_high = 1.4;
+    double across = 0;  ///< Young's modulus across the skin [Pa]; 0: the same
 };
 
 struct FingerModel {

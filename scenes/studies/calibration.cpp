@@ -25,7 +25,8 @@ std::vector<FitParameter> fit_parameters(const FingerModel& model) {
     };
     all.push_back({"young_kPa", 3, 500, true, [](const FingerModel& m) { return m.spec.young_modulus / kPa; },
                    [](FingerModel& m, double v) {  // layers keep their ratio to it
-                       for (TissueLayer& l : m.layers) l.young_modulus *= v * kPa / m.spec.young_modulus;
+                       for (TissueLayer& l : m.layers)
+                           for (double* E : {&l.young_modulus, &l.across}) *E *= v * kPa / m.spec.young_modulus;
                        m.spec.young_modulus = v * kPa;
                    }});
     add("poisson", 0.05, 0.495, false, 1, [](FingerModel& m) -> double& { return m.spec.poisson_ratio; });

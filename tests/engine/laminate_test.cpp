@@ -1,11 +1,14 @@
 // Elements that hold several layers of skin: a membrane along the skin.
 
 #include <Eigen/Dense>
+#include <map>
+#include <set>
 
 #include "engine/skin/solve/evaluate.h"
 #include "engine/skin/tissue/laminate.h"
 #include "engine/step.h"
 #include "meshes/layers.h"
+#include "meshes/patches.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -63,8 +66,20 @@ void scramble(SkinChunk<double>& c, unsigned seed, double by) {
     for (double& x : c.state.position) x += u(random);
 }
 
-TEST(Membranes, ForceIsTheEnergysGradientAndStiffnessTheForces) {
-    auto c = membranes(block_mesh(2, 1, 1, 0.004), 50e3);
+/// A block whose skin's elements share their stretch in patches; the others have membranes of their own.
+TetMesh skinned_block(int nx, int ny, int nz, int size) {
+    TetMesh mesh = block_mesh(nx, ny, nz, 0.004);
+    make_membrane_patches(mesh, size);
+    return mesh;
+}
+
+/// By the number of elements that share a stretch; 0: none does.
+class MembraneDerivatives : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Membranes, MembraneDerivatives, ::testing::Values(0, 1, 3, 8));
+
+TEST_P(MembraneDerivatives, ForceIsTheEnergysGradientAndStiffnessTheForces) {
+    auto c = membranes(GetParam() > 0 ? skinned_block(2, 2, 1, GetParam()) : block_mesh(2, 1, 1, 0.004), 50e3);
+    EXPECT_EQ(c.topology->membrane_patches.empty(), GetParam() == 0);
     scramble(c, 5, 7e-4);
     const std::size_t n = 3 * std::size_t(c.topology->node_count);
     evaluate_tissue(c, 1.0);
@@ -90,9 +105,9 @@ TEST(Membranes, ForceIsTheEnergysGradientAndStiffnessTheForces) {
     }
 }
 
-TEST(Membranes, MatrixWithoutExactnessIsPositive) {
+TEST_P(MembraneDerivatives, MatrixWithoutExactnessIsPositive) {
     for (unsigned seed = 1; seed <= 20; ++seed) {
-        auto c = membranes(block_mesh(1, 1, 1, 0.004), 50e3);
+        auto c = membranes(GetParam() > 0 ? skinned_block(2, 1, 1, GetParam()) : block_mesh(1, 1, 1, 0.004), 50e3);
         scramble(c, seed, 3e-3);
         evaluate_tissue(c, 0.0);
         const auto m = matrix_of(c);
@@ -104,9 +119,11 @@ TEST(Membranes, MatrixWithoutExactnessIsPositive) {
 
 TEST(Membranes, RigidMotionAndWhatHappensAcrossThemCostNothing) {
     const Pose<double> pose{{0.1, -0.2, 0.3}, normalised(Quaternion<double>{0.2, 0.6, 0.8, -0.1})};
-    auto moved = membranes(block_mesh(2, 2, 2, 0.004), 50e3, pose);
-    evaluate_tissue(moved, 0);
-    for (double f : gradient_of(moved)) EXPECT_LT(std::abs(f), 1e-9 * 50e3 * 0.004 * 0.004);
+    for (const int size : {0, 4}) {
+        auto moved = membranes(size > 0 ? skinned_block(2, 2, 2, size) : block_mesh(2, 2, 2, 0.004), 50e3, pose);
+        evaluate_tissue(moved, 0);
+        for (double f : gradient_of(moved)) EXPECT_LT(std::abs(f), 1e-9 * 50e3 * 0.004 * 0.004);
+    }
     // Pressed along z, sheared across it: a membrane whose normal is z does not notice.
     const TetMesh mesh = block_mesh(2, 2, 2, 0.004);
     auto flat = membranes(mesh, 50e3, Pose<double>::identity(), std::vector<Point>(mesh.tets.size(), {0, 0, 1}), 1e-6);
@@ -135,6 +152,85 @@ TEST(Membranes, AStripOfLayersIsAsStiffAsTheirMeanAlongAndAsInSeriesAcross) {
         const double modulus = evaluate_tissue(c, 0).energy / (0.5 * volume * strain * strain);
         EXPECT_NEAR(modulus, axis == 2 ? across : along, 1e-3 * along) << axis;
     }
+}
+
+TEST(Membranes, PatchesOfSkinAreItsFacesAndResistTheirMeanStretchAlone) {
+    const TetMesh mesh = skinned_block(4, 4, 2, 4);
+    const std::set<int> pad(mesh.pad_nodes.begin(), mesh.pad_nodes.end());
+    std::map<int, int> members;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        const auto on_pad =
+            std::count_if(mesh.tets[e].begin(), mesh.tets[e].end(), [&](int i) { return pad.count(i); });
+        const bool grouped = mesh.membrane_patches[e] >= 0;
+        EXPECT_TRUE(on_pad > 0 || !grouped) << "no face that begins in the pad";
+        EXPECT_TRUE(on_pad < 3 || grouped);
+        if (mesh.membrane_patches[e] >= 0) ++members[mesh.membrane_patches[e]];
+    }
+    for (const auto& [patch, count] : members) EXPECT_LE(count, 8);
+    EXPECT_ANY_THROW(skinned_block(1, 1, 1, 9));
+
+    // Stretched evenly, patches cost what elements cost alone; moved so that no patch's mean changes, nothing.
+    const std::vector<Point> normals(mesh.tets.size(), {0, 0, -1});
+    std::vector<double> young;
+    for (int patch : mesh.membrane_patches) young.push_back(patch >= 0 ? 50e3 : 0);
+    auto chunk = [&](const TetMesh& m) {
+        SkinChunk<double> c;
+        allocate_chunk(c, std::make_shared<SkinTopology>(build_topology(m, false, 1)), 1, false, false, 1, false, true);
+        SkinParameters p;
+        p.mesh = &m;
+        p.young_modulus = {1e-6};
+        p.membrane_young = young;
+        p.membrane_normal = normals;
+        set_lane(c, 0, 0, p, Pose<double>::identity());
+        return c;
+    };
+    TetMesh alone = mesh;
+    alone.membrane_patches.clear();
+    auto patched = chunk(mesh), single = chunk(alone);
+    for (auto* c : {&patched, &single})
+        for (std::size_t i = 0; i < c->state.position.size(); ++i) c->state.position[i] *= i % 3 == 2 ? 1 : 1.01;
+    // Faces at the block's sides stand upright, where the skin's normal is said to be another.
+    const double even = evaluate_tissue(patched, 0).energy;
+    EXPECT_GT(even, 0);
+    scramble(patched, 3, 2e-4);
+    single.state.position = patched.state.position;
+    EXPECT_LT(evaluate_tissue(patched, 0).energy, 0.9 * evaluate_tissue(single, 0).energy) << "Jensen's inequality";
+}
+
+TEST(Membranes, AFingerIsTheSameBitsBesideOneWithoutMembranes) {
+    const TetMesh mesh = skinned_block(2, 2, 2, 4);
+    auto chunk = [&](int width, int lane) {
+        SkinChunk<double> c;
+        allocate_chunk(c, std::make_shared<SkinTopology>(build_topology(mesh, true, 1)), width, false, false, 1, false,
+                       true);
+        for (int l = 0; l < width; ++l) {
+            SkinParameters p;
+            p.mesh = &mesh;
+            p.young_modulus = {20e3};
+            if (l == lane) p.membrane_young.assign(mesh.tets.size(), 50e3);
+            p.membrane_normal.assign(mesh.tets.size(), {0, 0, -1});
+            set_lane(c, l, l, p, Pose<double>::identity());
+        }
+        return c;
+    };
+    auto alone = chunk(1, 0), beside = chunk(2, 1);
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> u(-5e-4, 5e-4);
+    for (std::size_t i = 0; i < alone.state.position.size(); ++i) {
+        const double by = u(random);
+        alone.state.position[i] += by;
+        for (std::size_t l = 0; l < 2; ++l) beside.state.position[2 * i + l] += by;
+    }
+    const auto one = evaluate_tissue(alone, 0.5);
+    Evaluation<Lanes<double, 2>> both;
+    std::fill(beside.scratch.gradient.begin(), beside.scratch.gradient.end(), 0.0);
+    std::fill(beside.scratch.blocks.begin(), beside.scratch.blocks.end(), 0.0);
+    detail::add_tissue<detail::Want::forces_and_matrix>(beside, Lanes<double, 2>(0.5), both);
+    EXPECT_EQ(one.energy, lane(both.energy, 1));
+    EXPECT_GT(lane(both.energy, 1), lane(both.energy, 0));
+    for (std::size_t i = 0; i < 3 * mesh.nodes.size(); ++i)
+        EXPECT_EQ(alone.scratch.gradient[i], beside.scratch.gradient[2 * i + 1]) << i;
+    for (double x : beside.scratch.gradient) ASSERT_TRUE(std::isfinite(x));
 }
 
 /// How stiffly membranes bend [N m] per area, and their sum [N/m], of a plate that is stretched as much as it likes.

@@ -71,15 +71,53 @@ double linear_error_weight(const Eigen::Matrix3d& shape_gradients, double mu, do
     return (mu + lambda / 2) / 10 * (shape_gradients.rowwise().norm().sum() + first.norm());
 }
 
-/// Two directions along the skin; any where an element has no membrane.
-Eigen::Matrix<double, 3, 2> tangents_of(const std::vector<Point>& normals, std::size_t element) {
-    const Eigen::Vector3d n = normals.empty()
-                                  ? Eigen::Vector3d::UnitZ()
-                                  : Eigen::Map<const Eigen::Vector3d>(normals.at(element).data()).normalized();
-    const Eigen::Vector3d first = n.unitOrthogonal();
+/// Two directions along the skin, the first as near to `along` as it can be.
+Eigen::Matrix<double, 3, 2> tangents_of(const Eigen::Vector3d& normal, const Eigen::Vector3d& along) {
+    Eigen::Vector3d first = along - along.dot(normal) * normal;
+    first = first.squaredNorm() > 1e-12 ? first.normalized().eval() : normal.unitOrthogonal();
     Eigen::Matrix<double, 3, 2> tangents;
-    tangents << first, n.cross(first);
+    tangents << first, normal.cross(first);
     return tangents;
+}
+
+/// Tangents of all elements; any where one has no membrane. What shares a patch has tangents that match.
+template <class T>
+void set_membrane_tangents(SkinChunk<T>& c, int lane, const std::vector<Point>& normals) {
+    const SkinTopology& t = *c.topology;
+    const auto W = std::size_t(c.width), l = std::size_t(lane);
+    auto normal_of = [&](std::size_t e) -> Eigen::Vector3d {
+        if (normals.empty()) return Eigen::Vector3d::UnitZ();
+        return Eigen::Map<const Eigen::Vector3d>(normals.at(std::size_t(t.mesh_element[e])).data()).normalized();
+    };
+    auto set = [&](std::size_t e, const Eigen::Vector3d& normal, const Eigen::Vector3d& along) {
+        const Eigen::Matrix<double, 3, 2> tangents = tangents_of(normal, along);
+        for (int i = 0; i < 6; ++i)
+            c.rest.membrane_tangents[(6 * e + std::size_t(i)) * W + l] = T(tangents(i % 3, i / 3));
+    };
+    for (std::size_t e = 0; e < t.elements.size(); ++e) set(e, normal_of(e), normal_of(e).unitOrthogonal());
+    for (const MembranePatch& p : t.membrane_patches) {
+        std::vector<Eigen::Vector3d> own;
+        Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+        for (int i = p.first; i < p.first + p.count; ++i) {
+            const auto e = std::size_t(t.membrane_elements[std::size_t(i)]);
+            own.push_back(normal_of(e));
+            for (std::size_t a = 0; a < 4; ++a) {
+                if (t.membrane_place[std::size_t(i)][a] >= 0) continue;
+                // The face's: along the slope of the only node that is not in it.
+                Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+                for (std::size_t b = 1; b < 4; ++b)
+                    for (std::size_t d = 0; d < 3; ++d) {
+                        const double g = double(c.rest.shape_gradients[(9 * e + 3 * (b - 1) + d) * W + l]);
+                        slope[Eigen::Index(d)] += a == 0 ? -g : a == b ? g : 0;
+                    }
+                own.back() = -slope.normalized();
+            }
+            mean += own.back();
+        }
+        const Eigen::Vector3d along = mean.squaredNorm() > 1e-6 ? mean.unitOrthogonal() : own[0].unitOrthogonal();
+        for (int i = 0; i < p.count; ++i)
+            set(std::size_t(t.membrane_elements[std::size_t(p.first + i)]), own[std::size_t(i)], along);
+    }
 }
 
 /// Limits of patches: their elements' means, by volume, and volume dF/dx of their nodes. Elements themselves are then
@@ -144,8 +182,6 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
         if (c.has_membranes) {
             c.rest.membrane_mu[e * W + lane] = T(membrane_mu);
             c.rest.membrane_lambda[e * W + lane] = T(membrane_lambda);
-            const Eigen::Matrix<double, 3, 2> tangents = tangents_of(p.membrane_normal, m);
-            for (int i = 0; i < 6; ++i) c.rest.membrane_tangents[(6 * e + i) * W + lane] = T(tangents(i % 3, i / 3));
         }
         if (c.has_limits) {
             // A finger without limits in a chunk with them gets bounds that are never met.
@@ -168,6 +204,7 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
         c.rest.patch_bulk[k * std::size_t(W) + std::size_t(lane)] = T(1 / compliance);
     }
     if (c.has_limits && !t.limit_patches.empty()) set_patch_limits(c, lane);
+    if (c.has_membranes) set_membrane_tangents(c, lane, p.membrane_normal);
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
     for (int i = 0; i < t.node_count; ++i) {
         c.rest.mass[i * W + lane] = T(mass[i]);

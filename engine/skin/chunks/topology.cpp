@@ -68,10 +68,13 @@ Adjacency node_graph(const SkinTopology& t) {
                 if (*a != *b) neighbours[*a].insert(*b);
     };
     for (const auto& tet : t.elements) connect(tet.begin(), tet.end());
-    for (const VolumePatch& p : t.patches)
-        connect(t.patch_nodes.begin() + p.first_node, t.patch_nodes.begin() + p.first_node + p.node_count);
-    for (const LimitPatch& p : t.limit_patches)
-        connect(t.limit_nodes.begin() + p.first_node, t.limit_nodes.begin() + p.first_node + p.node_count);
+    const auto connect_patches = [&](const auto& patches, const std::vector<int>& nodes) {
+        for (const auto& p : patches)
+            connect(nodes.begin() + p.first_node, nodes.begin() + p.first_node + p.node_count);
+    };
+    connect_patches(t.patches, t.patch_nodes);
+    connect_patches(t.limit_patches, t.limit_nodes);
+    connect_patches(t.membrane_patches, t.membrane_nodes);
     Adjacency graph;
     for (const auto& set : neighbours) graph.emplace_back(set.begin(), set.end());
     return graph;
@@ -229,6 +232,57 @@ void collect_limit_patches(SkinTopology& t, const TetMesh& mesh) {
     for (int e : t.mesh_element) t.element_limit_patch.push_back(number.at(patch_of(e)));
 }
 
+/// The only face that an element has in the skin that can touch, by the number of the node below it; -1: none, or
+/// several.
+std::vector<int> nodes_below_skin(const SkinTopology& t, const TetMesh& mesh) {
+    std::set<std::array<int, 3>> skin;
+    for (auto face : mesh.surface) {
+        const bool touches = std::any_of(face.begin(), face.end(), [&](int i) {
+            return std::binary_search(mesh.pad_nodes.begin(), mesh.pad_nodes.end(), i);
+        });
+        std::sort(face.begin(), face.end());
+        if (touches) skin.insert(face);
+    }
+    std::vector<int> below;
+    for (const auto& tet : t.elements) {
+        int found = -1, faces = 0;
+        for (std::size_t a = 0; a < 4; ++a) {
+            std::array<int, 3> face{tet[(a + 1) % 4], tet[(a + 2) % 4], tet[(a + 3) % 4]};
+            std::sort(face.begin(), face.end());
+            if (skin.count(face)) found = tet[a], ++faces;
+        }
+        below.push_back(faces == 1 ? found : -1);
+    }
+    return below;
+}
+
+/// Membrane patches, and the nodes of each.
+void collect_membrane_patches(SkinTopology& t, const TetMesh& mesh) {
+    t.in_membrane_patch.assign(t.elements.size(), 0);
+    const std::vector<int> below = nodes_below_skin(t, mesh);
+    std::map<int, std::vector<int>> elements;
+    for (std::size_t e = 0; e < t.elements.size(); ++e)
+        if (const int patch = mesh.membrane_patches[std::size_t(t.mesh_element[e])]; patch >= 0)
+            elements[patch].push_back(int(e));
+    for (const auto& [patch, of_patch] : elements)
+        for (std::size_t first = 0; first < of_patch.size(); first += most_membrane_elements) {
+            MembranePatch& p = t.membrane_patches.emplace_back();
+            p.first = int(t.membrane_elements.size());
+            std::set<int> nodes;
+            for (std::size_t i = first; i < std::min(of_patch.size(), first + most_membrane_elements); ++i) {
+                const auto e = std::size_t(of_patch[i]);
+                ++p.count;
+                t.membrane_elements.push_back(int(e));
+                t.in_membrane_patch[e] = 1;
+                for (int node : t.elements[e])
+                    if (node != below[e]) nodes.insert(node);
+            }
+            p.first_node = int(t.membrane_nodes.size());
+            p.node_count = int(nodes.size());
+            t.membrane_nodes.insert(t.membrane_nodes.end(), nodes.begin(), nodes.end());
+        }
+}
+
 /// Notes which blocks nothing is ever added to.
 void note_fill(SkinTopology& t) {
     t.pattern.filled.assign(std::size_t(t.pattern.block_count), 1);
@@ -242,6 +296,7 @@ void note_fill(SkinTopology& t) {
     for (const auto& edge : t.bone_edges) has(edge.position), has(edge.rotation);
     for (int block : t.patch_blocks) has(block);
     for (int block : t.limit_blocks) has(block);
+    for (int block : t.membrane_blocks) has(block);
     for (int block : t.diagonal_block) has(block);
     has(t.bone_cross_block);
 }
@@ -268,6 +323,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
     for (int e : t.mesh_element) t.elements.push_back(mesh.tets[e]);
     if (!mesh.patches.empty()) collect_patches(t, mesh);
     if (!mesh.limit_patches.empty()) collect_limit_patches(t, mesh);
+    if (!mesh.membrane_patches.empty()) collect_membrane_patches(t, mesh);
     const Adjacency graph = node_graph(t);
     order_unknowns(t, graph, in_bone);
     build_pattern(t, graph, in_bone);
@@ -301,6 +357,19 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         }
     }
     for (LimitPatch& p : t.limit_patches) number_blocks(p, t.limit_nodes, t.limit_blocks);
+    for (MembranePatch& p : t.membrane_patches) {
+        number_blocks(p, t.membrane_nodes, t.membrane_blocks);
+        const auto nodes = t.membrane_nodes.begin() + p.first_node;
+        for (int i = p.first; i < p.first + p.count; ++i) {
+            auto& place = t.membrane_place.emplace_back();
+            for (std::size_t a = 0; a < 4; ++a) {
+                const int at = int(std::find(nodes, nodes + p.node_count,
+                                             t.elements[std::size_t(t.membrane_elements[std::size_t(i)])][a]) -
+                                   nodes);
+                place[a] = at < p.node_count ? at : -1;
+            }
+        }
+    }
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
@@ -318,18 +387,16 @@ std::vector<TissuePair> tissue_pairs(const SkinTopology& t) {
                 const int a = t.elements[e][i], b = t.elements[e][j], block = t.element_block[e][k];
                 pairs.try_emplace(block, TissuePair{block, a, b});
             }
-    for (const VolumePatch& p : t.patches)
-        for (int k = p.first_block, i = 0; i < p.node_count; ++i)
-            for (int j = 0; j <= i; ++j, ++k) {
-                const int a = t.patch_nodes[p.first_node + i], b = t.patch_nodes[p.first_node + j];
-                pairs.try_emplace(t.patch_blocks[k], TissuePair{t.patch_blocks[k], a, b});
-            }
-    for (const LimitPatch& p : t.limit_patches)
-        for (int k = p.first_block, i = 0; i < p.node_count; ++i)
-            for (int j = 0; j <= i; ++j, ++k) {
-                const int a = t.limit_nodes[p.first_node + i], b = t.limit_nodes[p.first_node + j];
-                pairs.try_emplace(t.limit_blocks[k], TissuePair{t.limit_blocks[k], a, b});
-            }
+    const auto add_patches = [&](const auto& patches, const std::vector<int>& nodes, const std::vector<int>& blocks) {
+        for (const auto& p : patches)
+            for (int k = p.first_block, i = 0; i < p.node_count; ++i)
+                for (int j = 0; j <= i; ++j, ++k)
+                    pairs.try_emplace(blocks[k],
+                                      TissuePair{blocks[k], nodes[p.first_node + i], nodes[p.first_node + j]});
+    };
+    add_patches(t.patches, t.patch_nodes, t.patch_blocks);
+    add_patches(t.limit_patches, t.limit_nodes, t.limit_blocks);
+    add_patches(t.membrane_patches, t.membrane_nodes, t.membrane_blocks);
     std::vector<TissuePair> list;
     for (const auto& [block, pair] : pairs) list.push_back(pair);
     return list;

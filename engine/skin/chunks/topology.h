@@ -56,6 +56,14 @@ struct LimitPatch {
     int first_block = 0;                 ///< in limit_blocks: of the node pairs 00, 10, 11, 20, ...
 };
 
+/// Elements with a face in the skin whose membranes resist their mean stretch.
+struct MembranePatch {
+    int first = 0, count = 0;            ///< in membrane_elements
+    int first_node = 0, node_count = 0;  ///< in membrane_nodes: those that move what is in the skin
+    int first_block = 0;                 ///< in membrane_blocks: of the node pairs 00, 10, 11, 20, ...
+};
+inline constexpr int most_membrane_elements = 8;
+
 /// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
 /// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
 /// of the skin. Nodes keep the numbers of the mesh; the bone's two unknowns follow them.
@@ -82,6 +90,12 @@ struct SkinTopology {
     std::vector<int> patch_nodes, patch_blocks;  ///< as VolumePatch says
     std::vector<std::array<int, 4>>
         element_place;  ///< [element] its nodes' places in patch_nodes, from the patch's first
+
+    std::vector<MembranePatch> membrane_patches;  ///< empty: each membrane resists its own stretch
+    std::vector<int> membrane_elements, membrane_nodes, membrane_blocks;  ///< as MembranePatch says
+    std::vector<std::array<int, 4>> membrane_place;  ///< [membrane element] its nodes' places in membrane_nodes, from
+                                                     ///< the patch's first; -1: a node below the element's only face
+    std::vector<char> in_membrane_patch;             ///< [element] 1: in one; empty where there are none
 
     std::vector<int> bone_nodes;
     struct BoneEdge {
