@@ -9,8 +9,8 @@ namespace palpate {
 /// sets mesh.patches. Elements with bone nodes alone, which do not deform, are in none of them (-1).
 void make_patches(TetMesh& mesh, int size);
 
-/// Groups elements, or the patches there are where they are no larger, into connected, compact patches of at least `fewest` elements, about
-/// `count` of them where the mesh is fine enough: sets mesh.limit_patches.
+/// Groups elements, or the patches there are where they are no larger, into connected, compact patches of at least
+/// `fewest` elements, about `count` of them where the mesh is fine enough: sets mesh.limit_patches.
 void make_limit_patches(TetMesh& mesh, int count, int fewest);
 
 /// Groups the tetrahedra that have a face in the skin that can touch into connected, compact patches of about `size`

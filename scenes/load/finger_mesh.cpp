@@ -18,8 +18,9 @@ namespace {
 struct LimitPatches {
     int count, fewest;
 };
-/// Fewer where there is a skin: fitted with the presets, whose coarsest mesh otherwise saturates too early.
-constexpr LimitPatches limit_patches{70, 5}, limit_patches_with_skin{60, 6};
+/// With patches of volume of more than five elements, fewer: fitted with the presets, whose coarsest mesh otherwise
+/// saturates too early.
+constexpr LimitPatches limit_patches{70, 5}, larger_limit_patches{60, 6};
 /// Faces of skin that share one stretch. Fitted to presses of 0.3 to 2 mm with 350 to 4,000 elements.
 constexpr int membrane_patch_size = 8;
 
@@ -65,7 +66,7 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
 void group_elements(TetMesh& mesh, const FingerMeshRequest& r) {
     if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
     if (r.patches_limited.value_or(false) && mesh.limit_patches.empty()) {
-        const LimitPatches wanted = r.layered ? limit_patches_with_skin : limit_patches;
+        const LimitPatches wanted = r.patch > 5 ? larger_limit_patches : limit_patches;
         make_limit_patches(mesh, wanted.count, wanted.fewest);
     }
     if (r.patch > 0 && r.layered && mesh.membrane_patches.empty()) make_membrane_patches(mesh, membrane_patch_size);
