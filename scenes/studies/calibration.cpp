@@ -42,6 +42,9 @@ std::vector<FitParameter> fit_parameters(const FingerModel& model) {
         const std::string layer = "layer_" + std::to_string(k + 1) + "_";
         add(layer + "young_kPa", 3, 5000, true, kPa,
             [k](FingerModel& m) -> double& { return m.layers[k].young_modulus; });
+        if (model.layers[k].across > 0)
+            add(layer + "across_kPa", 1, 2000, true, kPa,
+                [k](FingerModel& m) -> double& { return m.layers[k].across; });
         add(layer + "low", 0.3, 0.95, false, 1, [k](FingerModel& m) -> double& { return m.layers[k].limit_low; });
         add(layer + "high", 1.05, 3, false, 1, [k](FingerModel& m) -> double& { return m.layers[k].limit_high; });
     }

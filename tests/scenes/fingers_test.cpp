@@ -202,6 +202,33 @@ TEST(Layers, OfTheSameMaterialChangeNothing) {
         EXPECT_NEAR(a[0].points[k].force, b[0].points[k].force, 1e-4 * (1e-3 + a[0].points[k].force));
 }
 
+/// A skin may be as soft across as what is below it: its elements then are, and are stiff along it alone.
+TEST(Layers, MayBeAnotherAcrossTheSkin) {
+    FingerModel m = named("index-median");
+    m.layers = {{1e-3, 330e3, m.spec.limit_low, m.spec.limit_high, m.spec.young_modulus}};
+    const FingerSpec soft = built(m);
+    EXPECT_EQ(soft.skin_modulus, m.spec.young_modulus);
+    EXPECT_FALSE(soft.mesh.membrane_patches.empty());
+    double most = 0;
+    for (std::size_t e = 0; e < soft.element_young.size(); ++e) {
+        EXPECT_NEAR(soft.element_young[e], m.spec.young_modulus, 1e-9 * m.spec.young_modulus);
+        most = std::max(most, soft.element_membrane[e]);
+    }
+    EXPECT_GT(most, 100e3);
+    m.layers[0].across = 0;
+    const FingerSpec stiff = built(m);
+    EXPECT_EQ(stiff.skin_modulus, 330e3);
+    const auto curves = pressed({Indentation{soft, 0}, Indentation{stiff, 0}});
+    for (std::size_t k = 1; k < curves[0].points.size(); ++k) {
+        if (curves[1].points[k].force < 0.01 || curves[1].points[k].force > 5) continue;
+        EXPECT_LT(curves[0].points[k].force, curves[1].points[k].force);
+        EXPECT_GT(curves[0].points[k].area, curves[1].points[k].area);
+    }
+    const auto parameters = fit_parameters(named("index-median"));
+    EXPECT_TRUE(std::any_of(parameters.begin(), parameters.end(),
+                            [](const FitParameter& p) { return p.name == "layer_1_across_kPa"; }));
+}
+
 TEST(FingerFiles, EveryPresetBuildsAndMedianOnesAreNearTheBuiltInShapes) {
     const auto names = finger_preset_names();
     EXPECT_EQ(names.size(), 15u);
@@ -232,7 +259,8 @@ TEST(FingerFiles, AreReadAsTheyWereWritten) {
     ASSERT_TRUE(problems.messages.empty()) << problems.messages.front();
     EXPECT_EQ(read.title, m.title);
     EXPECT_DOUBLE_EQ(read.mesh.regions.nail, 0.7);
-    EXPECT_EQ(read.layers.size(), 1u);
+    ASSERT_EQ(read.layers.size(), 1u);
+    EXPECT_NEAR(read.layers[0].across, m.layers[0].across, 1);
     const FingerSpec a = built(m), b = built(read);
     EXPECT_EQ(a.element_young, b.element_young);
     for (std::size_t i = 0; i < a.mesh.nodes.size(); ++i)

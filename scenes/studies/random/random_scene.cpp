@@ -304,7 +304,7 @@ Block any_tissue(Random& r, const std::string& name, double width, double y, dou
     }
     std::string soft = line("soft = { young_kPa = %.2f, poisson = %.3f, elements = %d, fixed = \"bottom\"",
                             r.log_between(2, 100), r.between(0.2, 0.49), r.integer(150, 500));
-    if (kind != "box") soft += line(", fixed_mm = %.2f", r.between(0.2, 0.6) * top);
+    if (kind != "box") soft += line(", fixed_mm = %.2f", r.between(0.4, 0.6) * top);
     if (r.chance(0.4)) soft += line(", limits = { low = %.2f, high = %.2f }", r.between(0.5, 0.8), r.between(1.2, 1.6));
     if (kind == "box" && r.chance(0.3))
         soft += line(", nodule = [ { centre_mm = [0, 0, 0], radius_mm = %.2f, young_kPa = %.2f } ]",
