@@ -120,10 +120,14 @@ double FingerState::longest_edge() const {
     double longest = 0;
     const auto& pad = skin->mesh.pad_nodes;
     auto in_pad = [&](int node) { return std::binary_search(pad.begin(), pad.end(), node); };
+    auto at_rest = [&](int node) {
+        const Point& p = skin->mesh.nodes[std::size_t(node)];
+        return Vec3<double>{p[0], p[1], p[2]};
+    };
     for (const auto& f : faces)
         for (std::size_t k = 0; k < 3; ++k)
             if (const int a = f[k], b = f[(k + 1) % 3]; in_pad(a) && in_pad(b))
-                longest = std::max(longest, norm(position[std::size_t(a)] - position[std::size_t(b)]));
+                longest = std::max(longest, norm(at_rest(a) - at_rest(b)));
     return longest;
 }
 

@@ -30,7 +30,7 @@ struct FingerState {
     bool in_tissue(const Vec3<double>& point) const;
     /// From the nearest face [m].
     double distance_to_skin(const Vec3<double>& point) const;
-    /// Longest edge between two nodes of the pad [m].
+    /// Longest edge between two nodes of the pad, at rest [m].
     double longest_edge() const;
     /// Outward normal of a face, as long as twice its area.
     Vec3<double> area_vector(const std::array<int, 3>& face) const;
