@@ -184,6 +184,10 @@ void read_layers(Section& owner, const FingerSpec& below, std::vector<TissueLaye
                  "Young's modulus across the skin, and the one that counts in shear across it, where it is another: "
                  "skin's fibres lie along it. By default young_kPa.",
                  usual_young);
+        if (l.across > l.young_modulus && s.sound("across_kPa") && s.sound("young_kPa"))
+            s.complain("across_kPa",
+                       "expected no more than young_kPa, for a skin is no stiffer across than along it, found " +
+                           number_text(l.across / kPa) + " above " + number_text(l.young_modulus / kPa));
         s.number("low", l.limit_low, unit::one, finger_bounds::limit_low,
                  "Lower bound of its principal stretches; by default that of the finger's limits.");
         s.number("high", l.limit_high, unit::one, finger_bounds::limit_high,
@@ -291,8 +295,7 @@ void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
     f.element_membrane.clear(), f.element_normal.clear();
     f.skin_modulus = 0;
     if (layers.empty()) return;
-    const auto across_of = [](const TissueLayer& l) { return l.across > 0 ? l.across : l.young_modulus; };
-    f.skin_modulus = across_of(layers.front());
+    f.skin_modulus = layers.front().modulus_across();
     std::vector<double> thicknesses;
     for (const TissueLayer& l : layers) thicknesses.push_back(l.thickness);
     LayerShares found = layer_shares(f.mesh, thicknesses);
@@ -303,7 +306,7 @@ void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
                low = shares.back() * f.limit_low, high = shares.back() * f.limit_high;
         for (std::size_t k = 0; k < layers.size(); ++k) {
             along += shares[k] * layers[k].young_modulus;
-            across += shares[k] / across_of(layers[k]);
+            across += shares[k] / layers[k].modulus_across();
             low += shares[k] * layers[k].limit_low;
             high += shares[k] * layers[k].limit_high;
         }
@@ -395,7 +398,7 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (m.spec.has_limits) out << "limits = { low = " << m.spec.limit_low << ", high = " << m.spec.limit_high << " }\n";
     for (const TissueLayer& l : m.layers) {
         out << "\n[[layer]]\nthickness_mm = " << l.thickness / mm << "\nyoung_kPa = " << l.young_modulus / kPa;
-        if (l.across > 0) out << "\nacross_kPa = " << l.across / kPa;
+        if (l.across > 0) out << "\nacross_kPa = " << l.modulus_across() / kPa;
         out << "\nlow = " << l.limit_low << "\nhigh = " << l.limit_high << "\n";
     }
     write_file(path, out.str());

@@ -1,6 +1,7 @@
 #pragma once
 // A finger as a file describes it: shape, material, limits, layers of tissue. Presets are such files.
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -19,7 +20,9 @@ struct TissueLayer {
     double thickness = 1e-3;      ///< [m]
     double young_modulus = 80e3;  ///< [Pa]
     double limit_low = 0.6, limit_high = 1.4;
-    double across = 0;  ///< Young's modulus across the skin [Pa]; 0: the same
+    double across = 0;  ///< Young's modulus across the skin, no more than along it [Pa]; 0: the same
+
+    double modulus_across() const { return across > 0 ? std::min(across, young_modulus) : young_modulus; }
 };
 
 struct FingerModel {

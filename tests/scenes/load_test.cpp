@@ -401,6 +401,10 @@ TEST_F(SceneFiles, ConformingMeshesAndPatches) {
 
     EXPECT_SAYS(refusal(replaced(conforming, "\"conforming\"", "\"fine\"")), "uniform");
     EXPECT_SAYS(refusal(replaced(conforming, "patch = 5", "patch = 17")), "16");
+    EXPECT_SAYS(refusal(replaced(conforming, "patch = 5 }",
+                                 "patch = 5 }\nlayer = [ { thickness_mm = 1, young_kPa = 80, "
+                                 "across_kPa = 90 } ]")),
+                "across_kPa: expected no more than young_kPa");
     EXPECT_SAYS(refusal(replaced(conforming, "patch = 5", "patch = 5, limits = \"nodes\"")), "elements, patches");
     std::ofstream(path) << replaced(conforming, "patch = 5", "patch = 5, limits = \"patches\"")
                         << "\n[limits]\nlow = 0.6\nhigh = 1.4\n";
