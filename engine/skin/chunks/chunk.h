@@ -91,7 +91,7 @@ struct SkinScratch {
     LaneArray<T> permuted;   ///< [unknown][xyz] right-hand side in elimination order
     LaneArray<T> blocks;     ///< [block][3x3]
     LaneArray<T> factor;     ///< [block][3x3] Cholesky factor, where lanes are fingers
-    LaneArray<T> first_direction;       ///< [node, bone][xyz] Newton's own, before contacts were followed
+    LaneArray<T> first_direction;       ///< [node, bone][xyz] Newton's own, before contacts or limits were followed
     LaneArray<T> sample_gradient;       ///< [sample][xyz] contact's part of the gradient, bodies' apart
     LaneArray<T> sample_curvature;      ///< [sample][3x3] and of the matrix
     LaneArray<T> sample_residual;       ///< [sample][xyz]

@@ -142,7 +142,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.factor, Field{scratch, lane, c.width > 1 ? 9 * std::size_t(c.topology->pattern.block_count) : 0});
     visit(w.panels, Field{scratch, lane, c.width == 1 ? std::size_t(c.topology->supernodes.panel_scalars) : 0});
     visit(w.panel_work, Field{scratch, lane, c.width == 1 ? std::size_t(c.topology->supernodes.work_scalars) : 0});
-    visit(w.first_direction, Field{scratch, lane, n.samples > 0 ? n.everything : 0});
+    visit(w.first_direction, Field{scratch, lane, n.samples > 0 || n.limited > 0 ? n.everything : 0});
     visit(w.sample_gradient, Field{scratch, lane, 3 * n.samples});
     visit(w.sample_curvature, Field{scratch, lane, 9 * n.samples});
     visit(w.sample_residual, Field{scratch, lane, 3 * n.samples});

@@ -4,7 +4,7 @@
 #include <limits>
 #include <tuple>
 
-#include "engine/skin/solve/direction.h"
+#include "engine/skin/solve/follow_limits.h"
 #include "engine/skin/solve/progress.h"
 
 namespace palpate {
@@ -365,6 +365,8 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
             R slope = detail::newton_direction<R>(c, d.newton, bad_pivots);
             slope = detail::follow_contacts<R>(c, settings, d.newton & (p.exactness <= R(0)), p.exactness, e.residual,
                                                slope, bad_pivots);
+            // Where steps have fitted, there was nothing in their way.
+            slope = detail::follow_limits<R>(c, d.newton & (p.damping > R(0)), slope);
             const MaskOf<R> linear = mask_from_bits<R>(c.linear_lanes | c.linear.fresh_lanes);
             const auto verdict = detail::judge_direction(p, d.newton, linear, bad_pivots, slope, e);
             if (any(verdict.unbound)) leave_linear_tissue(c, bits_from_mask<R>(verdict.unbound));

@@ -159,13 +159,18 @@ inline void add_elasticity(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Signe
     if constexpr (want == Want::forces_and_matrix) add_general_stiffness(c, e, svd, terms, g, volume);
 }
 
+/// Gradient of a nodal array in an element.
 template <class R>
-inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
+inline Mat3<R> element_gradient(const SkinChunk<ScalarOf<R>>& c, const LaneArray<ScalarOf<R>>& nodal, std::size_t e) {
     constexpr int W = lane_width<R>;
     Vec3<R> x[4], g[3];
-    for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&c.state.position[3 * c.topology->elements[e][a] * W]);
+    for (int a = 0; a < 4; ++a) x[a] = load_vec3<R>(&nodal[3 * c.topology->elements[e][a] * W]);
     for (int a = 0; a < 3; ++a) g[a] = load_vec3<R>(&c.rest.shape_gradients[(9 * e + 3 * a) * W]);
     return deformation_gradient(x, g);
+}
+template <class R>
+inline Mat3<R> element_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
+    return element_gradient<R>(c, c.state.position, e);
 }
 
 /// Notes for the masked lanes whether an element, or a patch, is near limit number e, or held by it; how near the

@@ -8,21 +8,28 @@
 
 namespace palpate::detail {
 
-/// F = sum over nodes of x (volume dF/dx) / volume, with x from the patch's first node, as rounding is of what is
-/// added.
+/// Gradient of a nodal array in a patch: sum over nodes of x (volume dF/dx) / volume, with x from the patch's first
+/// node, as rounding is of what is added.
 template <class R>
-inline Mat3<R> patch_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t number) {
+inline Mat3<R> patch_gradient(const SkinChunk<ScalarOf<R>>& c, const LaneArray<ScalarOf<R>>& nodal,
+                              std::size_t number) {
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     const LimitPatch& patch = t.limit_patches[number];
     const int* nodes = &t.limit_nodes[std::size_t(patch.first_node)];
     const ScalarOf<R>* slopes = &c.rest.limit_slopes[std::size_t(3 * patch.first_node * W)];
-    const Vec3<R> first = load_vec3<R>(&c.state.position[std::size_t(3 * nodes[0] * W)]);
+    const Vec3<R> first = load_vec3<R>(&nodal[std::size_t(3 * nodes[0] * W)]);
     Mat3<R> F = Mat3<R>::zero();
     for (int a = 1; a < patch.node_count; ++a)
-        F = F + outer(load_vec3<R>(&c.state.position[std::size_t(3 * nodes[a] * W)]) - first,
+        F = F + outer(load_vec3<R>(&nodal[std::size_t(3 * nodes[a] * W)]) - first,
                       load_vec3<R>(slopes + 3 * a * W));
     return (R(1) / load<R>(&c.rest.limit_volume[number * W])) * F;
+}
+
+/// Its mean deformation gradient.
+template <class R>
+inline Mat3<R> patch_deformation(const SkinChunk<ScalarOf<R>>& c, std::size_t number) {
+    return patch_gradient<R>(c, c.state.position, number);
 }
 
 /// Notes the patches that may be at their limits, or bear multipliers.
