@@ -11,8 +11,9 @@
 namespace palpate::detail {
 
 /// A principal stretch of a lane that would exceed its limit.
-template <class T>
+template <class R>
 struct Wall {
+    using T = ScalarOf<R>;
     std::size_t limit = 0;
     int axis = 0;
     T sign{1};         ///< 1: above the upper bound; -1: below the lower
@@ -23,29 +24,33 @@ struct Wall {
 };
 
 /// What one lane's direction would run into.
-template <class T>
+template <class R>
 struct Walls {
+    using T = ScalarOf<R>;
     std::size_t count = 0;
-    std::array<Wall<T>, fitted::most_walls> wall;
+    std::array<Wall<R>, fitted::most_walls> wall;
     std::array<std::array<T, fitted::most_walls>, fitted::most_walls> answer;  ///< [j][m] how much excess of j a force
                                                                                ///< of m takes away [1/(N m)]
 };
 
 /// Where a node is, from the bone's position.
-template <class T>
-inline Vec3<T> arm_of(const SkinChunk<T>& c, int node, int lane) {
-    const auto W = std::size_t(c.width), l = std::size_t(lane);
-    Vec3<T> arm;
+template <class R>
+inline Vec3<ScalarOf<R>> arm_of(const SkinChunk<ScalarOf<R>>& c, int node, int lane) {
+    constexpr std::size_t W = lane_width<R>;
+    const auto l = std::size_t(lane);
+    Vec3<ScalarOf<R>> arm;
     for (std::size_t d = 0; d < 3; ++d)
         arm[int(d)] = c.state.position[(3 * std::size_t(node) + d) * W + l] - c.state.bone[d * W + l];
     return arm;
 }
 
 /// Calls visit(node, volume dF/dx over volume) for each node of a limit, of one lane.
-template <class T, class Visit>
-inline void for_each_limit_slope(const SkinChunk<T>& c, std::size_t limit, int lane, Visit visit) {
+template <class R, class Visit>
+inline void for_each_limit_slope(const SkinChunk<ScalarOf<R>>& c, std::size_t limit, int lane, Visit visit) {
+    using T = ScalarOf<R>;
     const SkinTopology& t = *c.topology;
-    const auto W = std::size_t(c.width), l = std::size_t(lane);
+    constexpr std::size_t W = lane_width<R>;
+    const auto l = std::size_t(lane);
     const std::size_t elements = t.elements.size();
     auto vec = [&](const LaneArray<T>& a, std::size_t i) {
         return Vec3<T>{a[i * W + l], a[(i + 1) * W + l], a[(i + 2) * W + l]};
@@ -68,36 +73,40 @@ inline void for_each_limit_slope(const SkinChunk<T>& c, std::size_t limit, int l
 }
 
 /// Adds scale times the gradient of a wall's stretch, over all unknowns, to a lane's right-hand side.
-template <class T>
-inline void add_wall_gradient(SkinChunk<T>& c, const Wall<T>& wall, int lane, T scale) {
+template <class R>
+inline void add_wall_gradient(SkinChunk<ScalarOf<R>>& c, const Wall<R>& wall, int lane, ScalarOf<R> scale) {
+    using T = ScalarOf<R>;
     const SkinTopology& t = *c.topology;
-    const auto W = std::size_t(c.width), l = std::size_t(lane);
+    constexpr std::size_t W = lane_width<R>;
+    const auto l = std::size_t(lane);
     auto add = [&](int unknown, const Vec3<T>& f) {
         for (std::size_t d = 0; d < 3; ++d)
             c.scratch.permuted[(3 * std::size_t(t.elimination[std::size_t(unknown)]) + d) * W + l] += f[int(d)];
     };
-    for_each_limit_slope(c, wall.limit, lane, [&](int node, const Vec3<T>& slope) {
+    for_each_limit_slope<R>(c, wall.limit, lane, [&](int node, const Vec3<T>& slope) {
         const Vec3<T> f = (scale * dot(slope, wall.v)) * wall.u;
         if (t.elimination[std::size_t(node)] >= 0) return add(node, f);
         add(t.bone_position, f);
-        add(t.bone_rotation, torque_of(arm_of(c, node, lane), f));
+        add(t.bone_rotation, torque_of(arm_of<R>(c, node, lane), f));
     });
 }
 
 /// How fast a wall's stretch grows along a lane's displacement in scratch.permuted.
-template <class T>
-inline T along_wall(const SkinChunk<T>& c, const Wall<T>& wall, int lane) {
+template <class R>
+inline ScalarOf<R> along_wall(const SkinChunk<ScalarOf<R>>& c, const Wall<R>& wall, int lane) {
+    using T = ScalarOf<R>;
     const SkinTopology& t = *c.topology;
-    const auto W = std::size_t(c.width), l = std::size_t(lane);
+    constexpr std::size_t W = lane_width<R>;
+    const auto l = std::size_t(lane);
     auto of = [&](int unknown) {
         const T* p = &c.scratch.permuted[3 * std::size_t(t.elimination[std::size_t(unknown)]) * W + l];
         return Vec3<T>{p[0], p[W], p[2 * W]};
     };
     T sum(0);
-    for_each_limit_slope(c, wall.limit, lane, [&](int node, const Vec3<T>& slope) {
+    for_each_limit_slope<R>(c, wall.limit, lane, [&](int node, const Vec3<T>& slope) {
         const bool is_free = t.elimination[std::size_t(node)] >= 0;
         const Vec3<T> moved =
-            is_free ? of(node) : of(t.bone_position) + cross(of(t.bone_rotation), arm_of(c, node, lane));
+            is_free ? of(node) : of(t.bone_position) + cross(of(t.bone_rotation), arm_of<R>(c, node, lane));
         sum += dot(slope, wall.v) * dot(wall.u, moved);
     });
     return sum;
@@ -119,8 +128,7 @@ inline void direct_bone_nodes(SkinChunk<ScalarOf<R>>& c) {
 /// The wall of each lane that its direction runs into hardest, of those that it has not met yet. Returns the lanes
 /// that have one.
 template <class R>
-inline unsigned find_walls(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, const Walls<ScalarOf<R>>* met,
-                           Wall<ScalarOf<R>>* hardest) {
+inline unsigned find_walls(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, const Walls<R>* met, Wall<R>* hardest) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
@@ -165,7 +173,7 @@ inline unsigned find_walls(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, cons
                 if (known) continue;
                 energy[l] = lane(costs, l);
                 found |= 1u << l;
-                Wall<T>& w = hardest[l];
+                Wall<R>& w = hardest[l];
                 w.limit = limit, w.axis = i, w.force = T(0);
                 w.sign = lane(end, l) > lane(high, l) ? T(1) : T(-1);
                 w.stiffness = lane(volume * k, l), w.excess = lane(excess, l);
@@ -177,11 +185,12 @@ inline unsigned find_walls(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, cons
 }
 
 /// Forces of a lane's walls.
-template <class T>
-inline void balance_walls(Walls<T>& walls) {
+template <class R>
+inline void balance_walls(Walls<R>& walls) {
+    using T = ScalarOf<R>;
     for (int sweep = 0; sweep < fitted::wall_sweeps; ++sweep)
         for (std::size_t j = 0; j < walls.count; ++j) {
-            Wall<T>& w = walls.wall[j];
+            Wall<R>& w = walls.wall[j];
             T excess = w.excess;
             for (std::size_t m = 0; m < walls.count; ++m)
                 if (m != j) excess -= walls.answer[j][m] * walls.wall[m].force;
@@ -191,17 +200,17 @@ inline void balance_walls(Walls<T>& walls) {
 
 /// Takes a lane's newest wall up, whose answer is in scratch.permuted, and finds the forces of all anew: what has
 /// changed of each is in `change`.
-template <class T>
-inline void take_wall(const SkinChunk<T>& c, const Wall<T>& newest, int lane, Walls<T>& walls,
-                      std::array<T, fitted::most_walls>& change) {
+template <class R>
+inline void take_wall(const SkinChunk<ScalarOf<R>>& c, const Wall<R>& newest, int lane, Walls<R>& walls,
+                      std::array<ScalarOf<R>, fitted::most_walls>& change) {
     const std::size_t j = walls.count++;
     walls.wall[j] = newest;
     for (std::size_t m = 0; m <= j; ++m)
-        walls.answer[m][j] = walls.answer[j][m] = walls.wall[m].sign * along_wall(c, walls.wall[m], lane);
+        walls.answer[m][j] = walls.answer[j][m] = walls.wall[m].sign * along_wall<R>(c, walls.wall[m], lane);
     // Its excess was that of the direction as it is now.
     for (std::size_t m = 0; m < j; ++m) walls.wall[j].excess += walls.answer[j][m] * walls.wall[m].force;
     for (std::size_t m = 0; m <= j; ++m) change[m] = -walls.wall[m].force;
-    balance_walls(walls);
+    balance_walls<R>(walls);
     for (std::size_t m = 0; m <= j; ++m) change[m] += walls.wall[m].force;
 }
 
@@ -213,8 +222,8 @@ inline R follow_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R slope) {
     const SkinTopology& t = *c.topology;
     unsigned left = bits_from_mask<R>(lanes & (slope < R(0))) & ((1u << W) - 1), corrected = 0;
     if (!c.has_limits || left == 0) return slope;
-    Walls<T> walls[W];
-    Wall<T> hardest[W];
+    Walls<R> walls[W];
+    Wall<R> hardest[W];
     std::array<T, fitted::most_walls> change[W];
     auto clear = [&] { std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0)); };
     auto for_each_left = [&](auto visit) {
@@ -225,16 +234,19 @@ inline R follow_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R slope) {
     for (int round = 0; round < fitted::most_walls; ++round) {
         left = find_walls<R>(c, left, walls, hardest);
         if (left == 0) break;
-        if (corrected == 0) c.scratch.first_direction = c.scratch.direction;
+        if (corrected == 0) {
+            c.scratch.first_direction = c.scratch.direction;
+            (void)factor_matrix<R>(c);  // contacts that were followed may have changed it since, or a neighbour's may
+        }
         corrected |= left;
         clear();
-        for_each_left([&](int l) { add_wall_gradient(c, hardest[l], l, hardest[l].sign); });
+        for_each_left([&](int l) { add_wall_gradient<R>(c, hardest[l], l, hardest[l].sign); });
         solve_matrix<R>(c);
-        for_each_left([&](int l) { take_wall(c, hardest[l], l, walls[l], change[l]); });
+        for_each_left([&](int l) { take_wall<R>(c, hardest[l], l, walls[l], change[l]); });
         clear();
         for_each_left([&](int l) {
             for (std::size_t m = 0; m < walls[l].count; ++m)
-                add_wall_gradient(c, walls[l].wall[m], l, -walls[l].wall[m].sign * change[l][m]);
+                add_wall_gradient<R>(c, walls[l].wall[m], l, -walls[l].wall[m].sign * change[l][m]);
         });
         solve_matrix<R>(c);
         const MaskOf<R> mask = mask_from_bits<R>(left);
