@@ -142,12 +142,8 @@ inline unsigned find_walls(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, cons
                                     : patch_gradient<R>(c, nodal, limit - elements);
         };
         const R low = load<R>(&c.rest.limit_low[limit * W]), high = load<R>(&c.rest.limit_high[limit * W]);
-        const Mat3<R> F = of(c.state.position), change = of(c.scratch.direction), there = F + change;
-        const Vec3<R> x = there.column(0), y = there.column(1), z = there.column(2);
-        const Symmetric3<R> C{dot(x, x), dot(x, y), dot(y, y), dot(x, z), dot(y, z), dot(z, z)};
-        const MaskOf<R> within = positive_definite(plus_diagonal(-(low * low), C)) &
-                                 positive_definite(plus_diagonal(high * high, R(-1) * C)) &
-                                 (dot(x, cross(y, z)) > R(0));
+        const Mat3<R> F = of(c.state.position), change = of(c.scratch.direction);
+        const MaskOf<R> within = is_within_limits(F + change, low, high);
         const unsigned loaded = loaded_lanes<R>(c, limit);
         const unsigned near = ((bits_from_mask<R>(!within) & ((1u << W) - 1)) | loaded) & lanes;
         if (near == 0) continue;

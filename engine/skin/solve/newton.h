@@ -22,6 +22,29 @@ inline void place_bone_nodes(SkinChunk<ScalarOf<R>>& c) {
                       bone.position + rotation * load_vec3<R>(&c.rest.rest_position[i * W3]));
 }
 
+/// Of the given lanes, those whose first guess is not to be taken: an element, or a patch, is beyond its limits by more
+/// than it may be at the end, or velocities are of a step that ended off balance, and would shake what is held.
+template <class R>
+inline unsigned lanes_not_to_coast(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, const SolverSettings& settings) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    if (!settings.inertia || !c.has_limits) return lanes;
+    unsigned past = 0;
+    for (int l = 0; l < W; ++l)
+        if (!(c.status[l].residual_N <= fitted::coasting_share * c.status[l].contact_force_N))
+            past |= lanes & (1u << l);
+    const R less(T(1 - settings.limit_tolerance)), more(T(1 + settings.limit_tolerance));
+    const std::size_t elements = c.topology->elements.size();
+    for (std::size_t limit = 0; limit < c.topology->limit_count() && (lanes & ~past) != 0; ++limit) {
+        const R low = less * load<R>(&c.rest.limit_low[limit * W]),
+                high = more * load<R>(&c.rest.limit_high[limit * W]);
+        const Mat3<R> F =
+            limit < elements ? element_deformation<R>(c, limit) : patch_deformation<R>(c, limit - elements);
+        past |= bits_from_mask<R>(!is_within_limits(F, low, high)) & lanes;
+    }
+    return past;
+}
+
 /// Targets of implicit Euler, the first guess, and multipliers carried along with the bone's turn.
 template <class R>
 inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
@@ -50,21 +73,30 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
         if (rounding > fitted::felt_rounding * c.status[l].contact_force_N) stiff |= 1u << l;
     }
     const MaskOf<R> active = mask_from_bits<R>(active_lanes(c));
-    const MaskOf<R> rigid = mask_from_bits<R>(limited), kept[2] = {rigid, mask_from_bits<R>(limited & ~stiff)};
+    const MaskOf<R> at_limits = mask_from_bits<R>(limited), kept[2] = {at_limits, mask_from_bits<R>(limited & ~stiff)};
     for (int k = 0; k < 2; ++k) {
         T* scale = &c.state.penalty_scale[k * W];
         const R old = load<R>(scale);
         store<R>(scale, select(active, maximum(select(kept[k], R(1), R(T(fitted::fall_back))) * old, R(1)), old));
     }
-    // The first guess: nodes coast on; but where elements are at their limits, that would carry them far
-    // past, so there the skin moves with the bone as it is.
+    // The first guess: nodes coast on. Where elements are at their limits, that may carry them far past: there the skin
+    // moves with the bone as it is.
     for (int i = 0; i < t.node_count; ++i) {
         T* p = &c.state.position[3 * i * W];
-        const Vec3<R> x = load_vec3<R>(p), coasting = x + dt * load_vec3<R>(&c.state.velocity[3 * i * W]);
+        const Vec3<R> coasting = load_vec3<R>(p) + dt * load_vec3<R>(&c.state.velocity[3 * i * W]);
         store_vec3<R>(&c.scratch.inertia_target[3 * i * W], coasting);
-        store_vec3<R>(p, select(rigid, bone.position + rotation * (x - before.position), coasting));
+        store_vec3<R>(p, coasting);
     }
     place_bone_nodes<R>(c);
+    if (const unsigned past = lanes_not_to_coast<R>(c, limited, settings); past != 0) {
+        const MaskOf<R> rigid = mask_from_bits<R>(past);
+        for (int i = 0; i < t.node_count; ++i) {
+            T* p = &c.state.position[3 * i * W];
+            const Vec3<R> x = load_vec3<R>(&c.scratch.start_position[3 * i * W]);
+            store_vec3<R>(p, select(rigid, bone.position + rotation * (x - before.position), load_vec3<R>(p)));
+        }
+        place_bone_nodes<R>(c);
+    }
     if (!c.has_limits || c.limits.unloaded) return;
     for (std::size_t e = 0; e < t.limit_count(); ++e) {
         T* p = &c.state.limit_multiplier[9 * e * W];

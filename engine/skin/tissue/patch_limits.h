@@ -8,6 +8,15 @@
 
 namespace palpate::detail {
 
+/// Whether all principal stretches of F are between the limits, and none is turned inside out: without decomposing it.
+template <class R>
+inline MaskOf<R> is_within_limits(const Mat3<R>& F, const R& low, const R& high) {
+    const Vec3<R> x = F.column(0), y = F.column(1), z = F.column(2);
+    const Symmetric3<R> C{dot(x, x), dot(x, y), dot(y, y), dot(x, z), dot(y, z), dot(z, z)};
+    return positive_definite(plus_diagonal(-(low * low), C)) &
+           positive_definite(plus_diagonal(high * high, R(-1) * C)) & (dot(x, cross(y, z)) > R(0));
+}
+
 /// Gradient of a nodal array in a patch: sum over nodes of x (volume dF/dx) / volume, with x from the patch's first
 /// node, as rounding is of what is added.
 template <class R>
@@ -21,8 +30,7 @@ inline Mat3<R> patch_gradient(const SkinChunk<ScalarOf<R>>& c, const LaneArray<S
     const Vec3<R> first = load_vec3<R>(&nodal[std::size_t(3 * nodes[0] * W)]);
     Mat3<R> F = Mat3<R>::zero();
     for (int a = 1; a < patch.node_count; ++a)
-        F = F + outer(load_vec3<R>(&nodal[std::size_t(3 * nodes[a] * W)]) - first,
-                      load_vec3<R>(slopes + 3 * a * W));
+        F = F + outer(load_vec3<R>(&nodal[std::size_t(3 * nodes[a] * W)]) - first, load_vec3<R>(slopes + 3 * a * W));
     return (R(1) / load<R>(&c.rest.limit_volume[number * W])) * F;
 }
 
@@ -41,11 +49,7 @@ inline void note_patch_limits(SkinChunk<ScalarOf<R>>& c, bool watches) {
         const std::size_t limit = elements + k;
         const R low = load<R>(&c.rest.limit_low[limit * W]), high = load<R>(&c.rest.limit_high[limit * W]);
         const Mat3<R> F = patch_deformation<R>(c, k);
-        const Vec3<R> x = F.column(0), y = F.column(1), z = F.column(2);
-        const Symmetric3<R> C{dot(x, x), dot(x, y), dot(y, y), dot(x, z), dot(y, z), dot(z, z)};
-        const MaskOf<R> within = positive_definite(plus_diagonal(-(low * low), C)) &
-                                 positive_definite(plus_diagonal(high * high, R(-1) * C)) &
-                                 (dot(x, cross(y, z)) > R(0));
+        const MaskOf<R> within = is_within_limits(F, low, high);
         const unsigned lanes = (bits_from_mask<R>(!within) & ((1u << W) - 1)) | loaded_lanes<R>(c, limit);
         if (lanes != 0 || watches) c.scratch.noted_limits.push_back({int(limit), lanes});
     }
