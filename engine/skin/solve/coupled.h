@@ -172,7 +172,7 @@ inline void condense(SkinChunk<ScalarOf<R>>& c, bool with_matrix) {
 /// Start of the step, and the first guess.
 template <class R>
 void coupled_begin(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
-    detail::begin_step<R>(c, settings);
+    detail::begin_step<R>(c, settings, detail::fitted::coasting_share);
     detail::keep_base<R>(c, mask_from_bits<R>(active_lanes(c)));
 }
 

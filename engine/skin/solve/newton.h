@@ -22,18 +22,19 @@ inline void place_bone_nodes(SkinChunk<ScalarOf<R>>& c) {
                       bone.position + rotation * load_vec3<R>(&c.rest.rest_position[i * W3]));
 }
 
-/// Of the given lanes, those whose first guess is not to be taken: an element, or a patch, is beyond its limits by more
-/// than it may be at the end, or velocities are of a step that ended off balance, and would shake what is held.
+/// Of the given lanes, those whose first guess is not to be taken: an element, or a patch, is too far beyond its
+/// limits, or velocities are of a step that ended off balance by more than a share of its contact force.
 template <class R>
-inline unsigned lanes_not_to_coast(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, const SolverSettings& settings) {
+inline unsigned lanes_not_to_coast(const SkinChunk<ScalarOf<R>>& c, unsigned lanes, const SolverSettings& settings,
+                                   double roughest) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     if (!settings.inertia || !c.has_limits) return lanes;
     unsigned past = 0;
     for (int l = 0; l < W; ++l)
-        if (!(c.status[l].residual_N <= fitted::coasting_share * c.status[l].contact_force_N))
-            past |= lanes & (1u << l);
-    const R less(T(1 - settings.limit_tolerance)), more(T(1 + settings.limit_tolerance));
+        if (!(c.status[l].residual_N <= roughest * c.status[l].contact_force_N)) past |= lanes & (1u << l);
+    const double excess = fitted::coasting_excess * settings.limit_tolerance;
+    const R less(T(1 - excess)), more(T(1 + excess));
     const std::size_t elements = c.topology->elements.size();
     for (std::size_t limit = 0; limit < c.topology->limit_count() && (lanes & ~past) != 0; ++limit) {
         const R low = less * load<R>(&c.rest.limit_low[limit * W]),
@@ -45,9 +46,11 @@ inline unsigned lanes_not_to_coast(const SkinChunk<ScalarOf<R>>& c, unsigned lan
     return past;
 }
 
-/// Targets of implicit Euler, the first guess, and multipliers carried along with the bone's turn.
+/// Targets of implicit Euler, the first guess, and multipliers carried along with the bone's turn. `roughest`: share of
+/// the contact force by which a step may have ended off balance for skin at its limits to coast on.
 template <class R>
-inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
+inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings,
+                       double roughest = std::numeric_limits<double>::infinity()) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
@@ -88,7 +91,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
         store_vec3<R>(p, coasting);
     }
     place_bone_nodes<R>(c);
-    if (const unsigned past = lanes_not_to_coast<R>(c, limited, settings); past != 0) {
+    if (const unsigned past = lanes_not_to_coast<R>(c, limited, settings, roughest); past != 0) {
         const MaskOf<R> rigid = mask_from_bits<R>(past);
         for (int i = 0; i < t.node_count; ++i) {
             T* p = &c.state.position[3 * i * W];
