@@ -33,8 +33,7 @@ inline unsigned lanes_not_to_coast(const SkinChunk<ScalarOf<R>>& c, unsigned lan
     unsigned past = 0;
     for (int l = 0; l < W; ++l)
         if (!(c.status[l].residual_N <= roughest * c.status[l].contact_force_N)) past |= lanes & (1u << l);
-    const double excess = fitted::coasting_excess * settings.limit_tolerance;
-    const R less(T(1 - excess)), more(T(1 + excess));
+    const R less(T(1 - fitted::coasting_excess)), more(T(1 + fitted::coasting_excess));
     const std::size_t elements = c.topology->elements.size();
     for (std::size_t limit = 0; limit < c.topology->limit_count() && (lanes & ~past) != 0; ++limit) {
         const R low = less * load<R>(&c.rest.limit_low[limit * W]),
