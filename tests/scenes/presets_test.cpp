@@ -146,5 +146,36 @@ TEST(Budget, TradesElementsAgainstIterations) {
     EXPECT_EQ(said.settings(), std::vector<std::string>{"solver.preset=reference"});
 }
 
+/// Where one patch of sixty is at its limit, the skin still coasts on. While it moved with the bone instead, one step
+/// in eight of these converged.
+TEST(Presets, AFingerThatSlidesAtALimitBeginsItsStepsNearBalance) {
+    testing::ScratchFolder scratch;
+    const auto file = scratch.path / "slide.toml";
+    std::ofstream(file) << R"(
+dt_ms = 1
+duration_s = 1.2
+[solver]
+preset = "balanced"
+[[object]]
+kind = "plane"
+friction = 0.5
+[[finger]]
+finger = "index-median"
+track = [ { t_s = 0, position_mm = [0, 0, 8], rotation_deg = [0, 20, 0] },
+          { t_s = 0.5, position_mm = [0, 0, 5], rotation_deg = [0, 20, 0] },
+          { t_s = 3, position_mm = [6, 0, 5], rotation_deg = [0, 25, 0] } ]
+)";
+    Simulation s = make_simulation(load_scene(file.string()), 1);
+    int converged = 0, limited = 0, steps = 0;
+    const std::atomic<bool> stop{false};
+    run(s, stop, [&](const StepInputs&, double) {
+        if (s.world.time < 0.6) return;
+        const SkinStatus& status = skin_status(s.world, s.world.skins.owner(0));
+        converged += status.converged, limited += status.limited_elements > 0, ++steps;
+    });
+    EXPECT_GT(limited, 0.9 * steps);
+    EXPECT_GT(converged, 0.6 * steps);
+}
+
 }  // namespace
 }  // namespace palpate
