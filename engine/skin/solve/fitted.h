@@ -51,8 +51,9 @@ inline constexpr int updates_per_iteration = 4;
 
 // --- The first guess of a step (newton.h) ---
 /// Where limits act, skin that holds a body coasts on from a step that ended off balance by no more than this share of
-/// its contact force: else it moves with its bone, and does not shake the body (`two_hands` and `hold_mug` of preset fingers, `balanced`: at 1e-2 boxes shake, with
-/// 14 and 21 % of steps converged, at 3e-3 45 and 21 %, at 0 29 and 11 %).
+/// its contact force: else it moves with its bone, and does not shake the body (`two_hands` and `hold_mug` of preset
+/// fingers, `balanced`: at 1e-2 boxes shake, with 14 and 21 % of steps converged, at 3e-3 45 and 21 %, at 0 29 and 11
+/// %).
 inline constexpr double coasting_share = 3e-3;
 /// And where it exceeds no limit by more than this share of it (`palpate new --from press`, net force with `fast` and
 /// `balanced` off by 2.5 and 1.0 % at 1e-3, by 0.9 and 0.4 % from 3e-3 on; at 1e-2 boxes slip).
