@@ -17,7 +17,7 @@ struct Wall {
     std::size_t limit = 0;
     int axis = 0;
     T sign{1};         ///< 1: above the upper bound; -1: below the lower
-    T stiffness{0};    ///< volume times penalty over the bound's side [N m]
+    T stiffness{0};    ///< volume times penalty [N m]
     T excess{0};       ///< beyond the bound at the end of Newton's own direction
     T force{0};        ///< volume times stress [N m]
     Vec3<T> u{}, v{};  ///< its principal directions
