@@ -36,6 +36,7 @@ struct Press {
     int threads = 1;
     bool limits = true, friction = true;
     double dt = 1e-3;
+    int stiffness_steps = 16;  ///< 1: no matrix is kept
 };
 
 /// Height of finger i's target: from just above the plane 2.5 mm down; no two of eight fingers do the same.
@@ -48,6 +49,7 @@ SceneSpec scene_of(const Press& press, bool single_precision) {
     spec.solver.dt = press.dt;
     if (press.iterations > 0) {  // as preset = "real-time"
         spec.solver.newton_iterations = press.iterations;
+        spec.solver.stiffness_steps = press.stiffness_steps;
         spec.solver.tolerance = 1e-4;
         spec.solver.multiplier_tolerance = 1e-3;
     }
@@ -168,9 +170,12 @@ void add(const std::string& name, const Press& press) {
 }
 
 const bool registered = [] {
-    auto both = [](const std::string& name, const Press& press) {
+    auto both = [](const std::string& name, Press press) {
         add<double>(name, press);
         add<float>(name, press);
+        press.stiffness_steps = 1;
+        add<double>(name + "/none_kept", press);
+        add<float>(name + "/none_kept", press);
     };
     both("goal_1/five_elastic/its_1", {fingers(5, case_a), 1, 1, false, false});
     for (int its : {1, 2, 3}) both("goal_2/five/its_" + std::to_string(its), {fingers(5, case_a), its});

@@ -48,6 +48,7 @@ World pressed_world(int fingers) {
     SceneSpec spec;
     spec.solver.dt = 1e-3;
     spec.solver.newton_iterations = 1;
+    spec.solver.stiffness_steps = 16;
     spec.solver.tolerance = 1e-4;
     spec.solver.multiplier_tolerance = 1e-3;
     FingerSpec f;

@@ -31,6 +31,7 @@ struct Island {
     double rounding = 0, contact_residual = 0, slope = 0, first_slope = 0, bad_pivots = 0;
     bool following = false;
     bool soft = false;        ///< some lane is near a soft object
+    bool slow = false;        ///< a kept matrix has led it hardly nearer to the solution (kept_matrix.h)
     bool coupling = false;    ///< scratch: its coupled direction is being found
     bool linear = false;      ///< some lane has linear tissue
     bool unbound = false;     ///< its matrix was not positive definite with linear tissue

@@ -28,8 +28,45 @@ double plane_slack(const SkinChunk<T>& c, int lane) {
            fitted::plane_roundings * double(std::numeric_limits<T>::epsilon()) * penalty;
 }
 
-/// Everything at the current positions and poses: energies, gradients, and what each island makes of them.
-void evaluate_all(Work& w, bool with_matrix) {
+/// A lane's matrix is not to be kept, for so many steps (kept_matrix.h).
+template <class T>
+void forget_matrix(SkinChunk<T>& c, int lane, int steps) {
+    T& kept = c.state.matrix_kept[std::size_t(lane)];
+    kept = std::min(kept, T(-steps));
+}
+
+/// Notes islands that kept matrices have led on, and hardly nearer to the solution: too much changes for them. The
+/// iteration is not counted.
+void find_slow_islands(Work& w) {
+    constexpr double share = detail::fitted::slow_share * detail::fitted::slow_share;
+    for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].slow = false;
+    for_each_lane(w, [&](const auto& c, int lane, Island& i) {
+        if (c.keeps_matrix && c.state.matrix_kept[std::size_t(lane)] > 1) i.slow = true;
+    });
+    for (int i = 0; i < w.s.island_count; ++i) {
+        Island& island = w.s.islands[i];
+        auto& p = island.progress;
+        island.slow =
+            island.slow && p.active && p.iterations > 0 && island.evaluation.residual > share * p.base_residual;
+        if (island.slow) p.extra += 1;
+    }
+}
+
+/// Their lanes have matrices of their own next. Whether any of them go on.
+bool renew_where_slow(Work& w) {
+    bool any = false;
+    for_each_lane(w, [&](auto& c, int lane, const Island& i) {
+        if (!i.slow || i.progress.converged) return;
+        forget_matrix(c, lane, detail::fitted::unkept_steps);
+        any |= bool(i.decision.newton);
+    });
+    return any;
+}
+
+/// Everything at the current positions and poses: energies, gradients, and what each island makes of them. Lanes of the
+/// islands that step next have a matrix.
+template <class Steps>
+void evaluate_all(Work& w, Steps steps) {
     BodySolve& s = w.s;
     auto active = [](const Island& i) { return i.progress.active; };
     for (int i = 0; i < s.island_count; ++i)
@@ -39,10 +76,15 @@ void evaluate_all(Work& w, bool with_matrix) {
             s.islands[i].rounding = 0;
         }
     place_bodies(w, false);
-    for_each_lane(w,
-                  [](auto& c, int lane, const Island& i) { c.exchange.lanes[lane].exactness = i.progress.exactness; });
-    for_each_chunk(w, active,
-                   [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver, with_matrix); });
+    for_each_lane(w, [&](auto& c, int lane, const Island& i) {
+        c.exchange.lanes[lane].exactness = i.progress.exactness;
+        c.exchange.lanes[lane].steps = steps(i);
+        if (steps(i) && (i.progress.damping > 0 || i.progress.iterations >= detail::fitted::kept_iterations))
+            forget_matrix(c, lane, 0);
+    });
+    for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver); });
+    bool with_matrix = false;
+    for (int i = 0; i < s.island_count; ++i) with_matrix |= steps(s.islands[i]);
     add_soft_contact(w, with_matrix);
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);
@@ -277,12 +319,11 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
     while (true) {
-        bool may_step = false, goes_on = false;
-        for (int i = 0; i < solve.island_count; ++i) {
-            const auto& p = solve.islands[i].progress;
-            may_step |= active(solve.islands[i]) && p.iterations < solver.newton_iterations + p.extra;
-        }
-        evaluate_all(w, may_step);
+        bool goes_on = false;
+        evaluate_all(w, [&](const Island& i) {
+            return active(i) && i.progress.iterations < solver.newton_iterations + i.progress.extra;
+        });
+        find_slow_islands(w);
         bool retry = false, update = false, newton = false;
         for (int i = 0; i < solve.island_count; ++i) {
             Island& island = solve.islands[i];
@@ -295,7 +336,9 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
             retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;
             goes_on |= active(island);
         }
+        const bool slow = renew_where_slow(w);
         if (!goes_on) break;
+        if (slow) evaluate_all(w, [](const Island& i) { return i.slow && i.decision.newton; });
         if (update) update_all(w);
         if (newton) newton_step(w);
         if (newton || retry) move_all(w);

@@ -20,6 +20,7 @@ std::vector<std::string> SolverSettings::validate() const {
     need("contact_iterations", contact_iterations, solver_bounds::contact_iterations);
     need("contact_share", contact_share, solver_bounds::contact_share);
     need("steadying_iterations", steadying_iterations, solver_bounds::steadying_iterations);
+    need("stiffness_steps", stiffness_steps, solver_bounds::stiffness_steps);
     need("limit_tolerance", limit_tolerance, solver_bounds::limit_tolerance);
     need("contact_tolerance", contact_tolerance, solver_bounds::contact_tolerance, " m");
     need("recovery_speed", recovery_speed, solver_bounds::recovery_speed, " m/s");

@@ -19,6 +19,7 @@ struct SolverSettings {
     double contact_share = 0.3;          ///< follow while contact leaves more than this share of the residual
     int steadying_iterations = 0;     ///< most linear solves more in a step that would shake a body held by tissue at
                                       ///< its limits (fitted.h: steady_share); 0: none
+    int stiffness_steps = 1;          ///< Newton matrices are kept for so many steps; 1: assembled in every iteration
     double limit_tolerance = 1e-3;    ///< relative excess allowed over a strain limit
     double contact_tolerance = 2e-6;  ///< penetration allowed [m]
     int sample_refinement = 1;        ///< 1: contact is decided at nodes; n: at n times as many points along edges
@@ -46,6 +47,7 @@ inline constexpr Range multiplier_gate{1e-6, 1000};
 inline constexpr Range contact_iterations{0, 100};
 inline constexpr Range contact_share{0, 1};
 inline constexpr Range steadying_iterations{0, 100};
+inline constexpr Range stiffness_steps{1, 1000};
 inline constexpr Range limit_tolerance{1e-8, 0.5};
 inline constexpr Range contact_tolerance{1e-10, 1e-2};
 inline constexpr Range recovery_speed{1e-4, 10};

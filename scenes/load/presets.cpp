@@ -12,6 +12,7 @@ const std::vector<std::string>& preset_names() {
 void apply_preset(int preset, SolverSettings& v) {
     if (preset == 3) return;
     v.newton_iterations = preset == 2 ? 6 : preset == 1 ? 2 : 1;
+    v.stiffness_steps = 16;
     v.tolerance = 1e-4;
     v.multiplier_tolerance = 1e-3;
 }
@@ -58,6 +59,7 @@ SolverSettings settings_of(const Governor& g, int preset) {
     SolverSettings s = g.asked;
     if (preset >= g.highest) return s;
     apply_preset(preset, s);
+    if (g.highest < 3) s.stiffness_steps = g.asked.stiffness_steps;
     s.steadying_iterations = 0;  // what is to be in time is not solved on
     return s;
 }

@@ -85,6 +85,7 @@ RecordedRun read_header(const nlohmann::json& j) {
     run.has_file = j.value("has_file", true);
     run.fingers_touch = j.value("fingers_touch", false);
     run.conforming = j.value("conforming", false), run.patches_limited = j.value("patches_limited", false);
+    run.keeps_matrices = j.value("keeps_matrices", false);
     run.governed = j.value("governed", false), run.duration = j.value("duration_s", 0.0);
     return run;
 }

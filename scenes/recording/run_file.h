@@ -88,6 +88,7 @@ struct RecordedRun {
     bool fingers_touch = false;    ///< each other; files from before they could do not say
     bool conforming = false;       ///< fingers of which nothing is said have such meshes; nor do these say this
     bool patches_limited = false;  ///< nor that strain limits of these are of patches
+    bool keeps_matrices = false;   ///< nor that Newton matrices are kept from step to step
     double duration = 0;           ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;
     std::vector<Change> changes;

@@ -139,7 +139,7 @@ void exchange(Archive& a, ContactSlots& c, const Table<VirtualObject>& shapes) {
 
 template <class Archive, class T>
 void exchange(Archive& a, SkinChunk<T>& c, const Table<VirtualObject>& shapes) {
-    value(a, c.has_bodies, c.has_friction);  // fingers that came near each other may have brought them
+    value(a, c.has_bodies, c.has_friction, c.keeps_matrix);  // fingers that came near each other may have brought them
     value(a, c.used_lanes, c.own_frictions, c.asleep_lanes, c.rigid_lanes, c.unchanged_lanes, c.linear_lanes,
           c.fine_lanes, c.limits, c.skin_mass, c.skin_inertia, c.free_steps, c.coarse_steps, c.rest_reach, c.reach,
           c.still_spring);
@@ -152,6 +152,8 @@ void exchange(Archive& a, SkinChunk<T>& c, const Table<VirtualObject>& shapes) {
     for_each_field(c, [&](auto& numbers, const Field& f) {
         if (f.role != Role::scratch) array(a, numbers);
     });
+    // Factors are no part of it.
+    if (Archive::reads) std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
 }
 
 template <class Archive>

@@ -312,7 +312,8 @@ TEST_P(EverySceneAndGrasp, FloatGivesTheForcesOfDouble) {
             EXPECT_LT(field, 0.25);
             EXPECT_LT(net, 0.02);
         } else {
-            EXPECT_LT(field, grasp || scene == "recorded_hand" ? 4e-3 : 1e-3);
+            // With few iterations both are off by more than that; which is decided by single matrices that are kept.
+            EXPECT_LT(field, grasp || scene == "recorded_hand" ? 4e-3 : few ? 3e-3 : 1e-3);
         }
     }
 }

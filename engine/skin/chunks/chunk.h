@@ -60,6 +60,9 @@ struct SkinState {
     LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
     LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps; empty if corotational
     LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (newton.h)
+    LaneArray<T> matrix_kept;      ///< [1] 1: the blocks hold a matrix that may be kept (kept_matrix.h), 2: that was;
+                                   ///< 0: none; -n: none is to be kept for n steps
+    LaneArray<T> matrix_limits;    ///< [1] the limits that it knows (Evaluation::limits_met)
     LaneArray<T> penalty_scale;    ///< [2] of limits, of contacts: grow where their multipliers converge slowly
 };
 
@@ -93,7 +96,8 @@ struct SkinScratch {
     LaneArray<T> factor;     ///< [block][3x3] Cholesky factor, where lanes are fingers
     LaneArray<T> first_direction;       ///< [node, bone][xyz] Newton's own, before contacts or limits were followed
     LaneArray<T> sample_gradient;       ///< [sample][xyz] contact's part of the gradient, bodies' apart
-    LaneArray<T> sample_curvature;      ///< [sample][3x3] and of the matrix
+    LaneArray<T> sample_curvature;      ///< [sample][3x3] and of its curvature
+    LaneArray<T> contact_in_matrix;     ///< [sample][3x3] what of it the blocks hold
     LaneArray<T> sample_residual;       ///< [sample][xyz]
     LaneArray<T> panels, panel_work;    ///< of the supernodal factor, for a finger alone in its chunk
     LaneArray<T> limit_candidate;       ///< [limit][3x3] updated multipliers: the limits' stress
@@ -155,6 +159,7 @@ struct LaneReport {
     double contact_residual = 0;  ///< squared norm of what contact did beyond its linearisation [N^2]
     double exactness = 0, alpha = 0, damping = 0, last_excess = 1e300,
            last_depth = 1e300;  ///< given to the lane: as in LaneProgress
+    bool steps = false;         ///< and whether it needs a matrix
 };
 
 /// What a chunk exchanges with the bodies it touches; all empty in scenes without bodies. Columns are the 6 motions of
@@ -205,7 +210,8 @@ struct SkinChunk {
     bool has_friction = false;
     bool has_bodies = false;
     bool has_soft_objects = false;
-    int own_frictions = 0;  ///< objects against which fingers have coefficients of their own; 0: they do not
+    bool keeps_matrix = false;  ///< Newton matrices are kept from step to step: blocks go with their fingers
+    int own_frictions = 0;      ///< objects against which fingers have coefficients of their own; 0: they do not
     // Bits per lane (level_of_detail.cpp): what the step leaves out.
     unsigned asleep_lanes = 0;     ///< nothing is near, and nothing moves
     unsigned rigid_lanes = 0;      ///< nothing is near: the skin moves with its bone; its positions are not kept up

@@ -34,6 +34,7 @@ SkinChunk<T> spare_chunk(const SkinChunk<T>& like, int width) {
     SkinChunk<T> c;
     c.material = like.material;
     c.has_soft_objects = like.has_soft_objects;
+    c.keeps_matrix = like.keeps_matrix;
     c.own_frictions = like.own_frictions;
     c.linear.pairs = like.linear.pairs;
     allocate_chunk(c, like.topology, width, like.has_limits, like.has_friction, like.contacts.capacity, like.has_bodies,
@@ -80,6 +81,8 @@ void exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
     std::swap(a.linear.plan[lane_a], b.linear.plan[lane_b]);
     for (auto bits : {&LinearTissue<T>::due_lanes, &LinearTissue<T>::kept_lanes})
         exchange_bit(a.linear.*bits, lane_a, b.linear.*bits, lane_b);
+    for (auto* columns : {&a.scratch.changed_columns, &b.scratch.changed_columns})  // factors stay behind
+        std::fill(columns->begin(), columns->end(), 1);
     a.limits.unloaded = b.limits.unloaded = a.limits.unloaded && b.limits.unloaded;
 }
 

@@ -112,6 +112,8 @@ void for_each_state_field(Chunk& c, Visit visit) {
     visit(s.friction_normal, Field{state, slot, 3 * n.rubbing});
     visit(s.svd_guess, Field{state, lane, 9 * n.decomposed});
     visit(s.tangled_steps, Field{state, lane, 1});
+    visit(s.matrix_kept, Field{state, lane, 1});
+    visit(s.matrix_limits, Field{state, lane, 1});
     visit(s.penalty_scale, Field{state, lane, 2, 1});
 }
 
@@ -138,13 +140,15 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.pending, Field{scratch, lane, c.has_limits ? 3 * n.N : 0});
     visit(w.direction, Field{scratch, lane, n.everything});
     visit(w.permuted, Field{scratch, lane, 3 * n.unknowns});
-    visit(w.blocks, Field{scratch, lane, 9 * std::size_t(c.topology->block_count)});
+    const Role of_matrix = c.keeps_matrix ? state : scratch;
+    visit(w.blocks, Field{of_matrix, lane, 9 * std::size_t(c.topology->block_count)});
     visit(w.factor, Field{scratch, lane, c.width > 1 ? 9 * std::size_t(c.topology->pattern.block_count) : 0});
     visit(w.panels, Field{scratch, lane, c.width == 1 ? std::size_t(c.topology->supernodes.panel_scalars) : 0});
     visit(w.panel_work, Field{scratch, lane, c.width == 1 ? std::size_t(c.topology->supernodes.work_scalars) : 0});
     visit(w.first_direction, Field{scratch, lane, n.samples > 0 || n.limited > 0 ? n.everything : 0});
     visit(w.sample_gradient, Field{scratch, lane, 3 * n.samples});
     visit(w.sample_curvature, Field{scratch, lane, 9 * n.samples});
+    visit(w.contact_in_matrix, Field{of_matrix, lane, 9 * n.S});  // goes to chunks that have met nothing, too
     visit(w.sample_residual, Field{scratch, lane, 3 * n.samples});
     visit(w.limit_candidate, Field{scratch, lane, 9 * n.limited});
     visit(w.normal_candidate, Field{output, slot, n.S});

@@ -72,6 +72,7 @@ void choose_detail(const SolverSettings& solver, std::int64_t step, SkinChunks& 
         wake_lanes(c, solver);
         choose_samples(c, solver);
         choose_tissue(c, solver, step);
+        choose_matrices(c, solver, step);
     });
 }
 

@@ -197,6 +197,21 @@ void choose_tissue(SkinChunk<T>& c, const SolverSettings& settings, std::int64_t
 }
 
 template <class T>
+void choose_matrices(SkinChunk<T>& c, const SolverSettings& settings, std::int64_t step) {
+    // Linear tissue has a matrix of its own; without inertia, one step may be another world than the last.
+    c.keeps_matrix = settings.stiffness_steps > 1 && settings.inertia && c.linear.pairs.empty();
+    const bool due = !c.keeps_matrix || step % settings.stiffness_steps == 0;
+    for (int lane = 0; lane < c.width; ++lane) {
+        T& kept = c.state.matrix_kept[std::size_t(lane)];
+        const bool active = (active_lanes(c) >> lane) & 1u;  // blocks of lanes that are left out may be anything
+        if (kept < T(0))
+            kept += T(1);
+        else if (due || !active)
+            kept = T(0);
+    }
+}
+
+template <class T>
 void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     if (!settings.inertia) return;
     const unsigned near = near_lanes(c);
@@ -211,11 +226,12 @@ void settle_lanes(SkinChunk<T>& c, const SolverSettings& settings) {
     }
 }
 
-#define PALPATE_INSTANTIATE(T)                                                       \
-    template void soften_lanes(SkinChunk<T>&, unsigned);                             \
-    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);                  \
-    template void choose_samples(SkinChunk<T>&, const SolverSettings&);              \
-    template void choose_tissue(SkinChunk<T>&, const SolverSettings&, std::int64_t); \
+#define PALPATE_INSTANTIATE(T)                                                         \
+    template void soften_lanes(SkinChunk<T>&, unsigned);                               \
+    template void wake_lanes(SkinChunk<T>&, const SolverSettings&);                    \
+    template void choose_samples(SkinChunk<T>&, const SolverSettings&);                \
+    template void choose_tissue(SkinChunk<T>&, const SolverSettings&, std::int64_t);   \
+    template void choose_matrices(SkinChunk<T>&, const SolverSettings&, std::int64_t); \
     template void settle_lanes(SkinChunk<T>&, const SolverSettings&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)

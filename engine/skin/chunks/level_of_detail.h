@@ -26,6 +26,10 @@ void choose_samples(SkinChunk<T>& chunk, const SolverSettings& settings);
 template <class T>
 void choose_tissue(SkinChunk<T>& chunk, const SolverSettings& settings, std::int64_t step);
 
+/// Before the solve: lets Newton matrices be kept, or has them assembled anew: in all chunks in the same steps.
+template <class T>
+void choose_matrices(SkinChunk<T>& chunk, const SolverSettings& settings, std::int64_t step);
+
 /// After the solve: puts to sleep the lanes that have come to rest, and makes rigid those whose skin has come to its
 /// rest shape, or fell asleep, as far as the settings allow it.
 template <class T>

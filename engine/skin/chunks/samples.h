@@ -80,6 +80,7 @@ inline void add_sample_block(const SkinTopology& t, ScalarOf<R>* blocks, std::si
 }
 
 /// Marks the columns of the Newton matrix that add_sample_block changes; the sample must be free.
+template <class R>
 inline void mark_sample_columns(const SkinTopology& t, std::size_t s, std::vector<unsigned char>& changed) {
     auto mark = [&](int node) { changed[std::size_t(t.elimination[std::size_t(node)])] = 1; };
     if (s < t.samples.size()) return mark(t.samples[s]);

@@ -176,13 +176,20 @@ void coupled_begin(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::keep_base<R>(c, mask_from_bits<R>(active_lanes(c)));
 }
 
-/// Evaluates every lane at its positions and the slots' poses; reports to exchange.lanes.
+/// Evaluates every lane at its positions and the slots' poses, with a matrix for those that step; reports to
+/// exchange.lanes.
 template <class R>
-void coupled_evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, bool with_matrix) {
+void coupled_evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     place_slots(c);
+    unsigned steps = 0;
+    for (int lane = 0; lane < lane_width<R>; ++lane)
+        if (c.exchange.lanes[std::size_t(lane)].steps) steps |= 1u << lane;
     const R exactness = detail::given<R>(c, &LaneReport::exactness);
-    const Evaluation<R> e =
-        with_matrix ? evaluate<R>(c, settings, exactness) : evaluate<R, detail::Want::forces>(c, settings, exactness);
+    const MaskOf<R> exact = exactness > R(0);
+    const MaskOf<R> renew = exact | mask_from_bits<R>(detail::lanes_short_at_limits<R>(c, settings));
+    const detail::MatrixRequest<R> matrix{mask_from_bits<R>(steps), renew, !exact, R(0)};
+    const Evaluation<R> e = steps != 0 ? detail::evaluate_keeping<R>(c, settings, exactness, matrix)
+                                       : evaluate<R, detail::Want::forces>(c, settings, exactness);
     detail::add_body_gradients<R>(c);
     detail::report<R>(c, &LaneReport::energy, e.energy);
     detail::report<R>(c, &LaneReport::residual, e.residual);
@@ -221,7 +228,9 @@ void coupled_condense(SkinChunk<ScalarOf<R>>& c, unsigned lanes, Condense what) 
     constexpr int W = lane_width<R>, W3 = 3 * W;
     const SkinTopology& t = *c.topology;
     if (what == Condense::gradient) {
-        detail::damp<R>(c, mask_from_bits<R>(lanes), detail::given<R>(c, &LaneReport::damping));
+        const R damping = detail::given<R>(c, &LaneReport::damping);
+        detail::damp<R>(c, mask_from_bits<R>(lanes), damping);
+        detail::forget_matrix<R>(c, mask_from_bits<R>(lanes) & (damping > R(0)));
         for (int i : t.unknowns)
             store_vec3<R>(&c.scratch.permuted[t.elimination[i] * W3], -load_vec3<R>(&c.scratch.gradient[i * W3]));
         detail::for_each_body_slot(c, [&](int slot) {
@@ -363,6 +372,7 @@ unsigned coupled_end(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, 
     const unsigned reset = detail::end_iteration<R>(c, e, mask_from_bits<R>(active_lanes(c)), mask_from_bits<R>(failed),
                                                     mask_from_bits<R>(converged));
     detail::end_step<R>(c, settings);
+    if (reset != 0) detail::forget_matrix<R>(c, mask_from_bits<R>(reset));
     return reset;
 }
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "engine/skin/factor/supernode_cholesky.h"
-#include "engine/skin/solve/evaluate.h"
+#include "engine/skin/solve/kept_matrix.h"
 
 namespace palpate {
 
@@ -33,8 +33,9 @@ inline void change_sample_block(SkinChunk<ScalarOf<R>>& c, std::size_t s, const 
     MaskOf<R> none = R(0) <= R(0);
     for (int i = 0; i < 9; ++i) none = none & (absolute(change.m[i / 3][i % 3]) <= R(0));  // not a number is a change
     if (all(none)) return;
+    add_block<R>(c.scratch.contact_in_matrix.data(), int(s), change);
     add_sample_block<R>(*c.topology, c.scratch.blocks.data(), s, change);
-    mark_sample_columns(*c.topology, s, c.scratch.changed_columns);
+    mark_sample_columns<R>(*c.topology, s, c.scratch.changed_columns);
 }
 
 /// Solves L y = b, with the factor L, for the right-hand side in scratch.permuted, in place.
@@ -94,7 +95,7 @@ inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_piv
 /// every sample on a free node. Takes the new gradient and curvature as the current ones, the change of curvature into
 /// the matrix, and leaves r as right-hand side. Returns |r|^2.
 template <class R>
-inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness) {
+inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness, const R& share) {
     using T = ScalarOf<R>;
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
@@ -109,18 +110,14 @@ inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
             gradient += terms.gradient;
             curvature = curvature + terms.curvature;
         }
-        T *old_gradient = &c.scratch.sample_gradient[s * W3], *old_curvature = &c.scratch.sample_curvature[3 * s * W3];
-        const Mat3<R> old = load_mat3<R>(old_curvature);
+        T* old_gradient = &c.scratch.sample_gradient[s * W3];
+        const Mat3<R> old = load_mat3<R>(&c.scratch.contact_in_matrix[3 * s * W3]);
         const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), s);
         const Vec3<R> zero{R(0), R(0), R(0)};
         const Vec3<R> r = select(lanes, gradient - load_vec3<R>(old_gradient) - old * step, zero);
         squared += dot(r, r);
-        Mat3<R> change;
-        for (int i = 0; i < 9; ++i)
-            change.m[i / 3][i % 3] = select(lanes, curvature.m[i / 3][i % 3] - old.m[i / 3][i % 3], R(0));
-        change_sample_block<R>(c, s, change);
+        put_in_matrix<R>(c, s, curvature, lanes, share);
         store_vec3<R>(old_gradient, gradient);
-        store_mat3<R>(old_curvature, curvature);
         store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
     }
     return squared;
@@ -137,11 +134,11 @@ inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settin
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
     if (settings.contact_iterations <= 0 || c.contacts.used == 0) return slope;
-    const R first_slope = slope;
+    const R first_slope = slope, share = contact_share_of<R>(c, settings);
     c.scratch.first_direction = c.scratch.direction;
     lanes = lanes & (slope < R(0));
     for (int k = 0; k < settings.contact_iterations; ++k) {
-        const R left = contact_residual<R>(c, lanes, exactness);
+        const R left = contact_residual<R>(c, lanes, exactness, share);
         lanes = lanes & (left > R(T(settings.contact_share * settings.contact_share)) * residual);
         if (!any(lanes)) break;
         bad_pivots += select(lanes, factor_matrix<R>(c), R(0));

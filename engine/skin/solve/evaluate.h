@@ -116,7 +116,8 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     std::fill(c.scratch.sample_gradient.begin(), c.scratch.sample_gradient.end(), T(0));
-    std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
+    if constexpr (want != Want::forces)
+        std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
     for (int slot = 0; slot < c.contacts.used; ++slot) {
         const Slot<R> there = read_slot<R>(c, slot);
         for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
@@ -142,7 +143,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             }
             if (!there.all_body && !contact.idle) {
                 add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], there.of_others(terms.gradient));
-                if constexpr (want == Want::forces_and_matrix)
+                if constexpr (want != Want::forces)
                     add_block<R>(c.scratch.sample_curvature.data(), int(s), there.of_others(terms.curvature));
             }
             store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
@@ -201,9 +202,10 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     if (with_matrix) detail::clear_matrix<R>(c);
     Evaluation<R> out;
     out.extent = load<R>(c.rest.extent.data());
-    detail::add_tissue<want>(c, exactness, out);
-    if (settings.inertia) detail::add_inertia<want>(c, T(1 / (settings.dt * settings.dt)), out);
-    detail::add_bone_springs<want>(c, out);
+    constexpr auto of_tissue = with_matrix ? want : detail::Want::forces;
+    detail::add_tissue<of_tissue>(c, exactness, out);
+    if (settings.inertia) detail::add_inertia<of_tissue>(c, T(1 / (settings.dt * settings.dt)), out);
+    detail::add_bone_springs<of_tissue>(c, out);
     detail::add_contacts<want>(c, exactness, out);
     const Mat3<R> turning = detail::carry_forces_to_bone<R>(c);
     if (with_matrix) {

@@ -59,6 +59,19 @@ inline constexpr double coasting_share = 3e-3;
 /// `balanced` off by 2.5 and 1.0 % at 1e-3, by 0.9 and 0.4 % from 3e-3 on; at 1e-2 boxes slip).
 inline constexpr double coasting_excess = 3e-3;
 
+// --- The matrix that is kept (kept_matrix.h) ---
+/// A contact's curvature stays in the matrix while it differs by no more than this share (a preset finger that slides,
+/// `balanced`: 300 us a step at 0, 152 at 0.03, 150 at 0.1, and at 0.3 more iterations).
+inline constexpr double kept_contact_share = 0.03;
+/// Iterations of a step that may go by a kept matrix; where a step has fewer, it is not kept while limits act (preset
+/// fingers held at their limits with `fast` rocked). The share of its residual below which each must lead, and the
+/// steps for which none is kept where it does not, or where other limits act (fingers pressed, slid, turned and rubbed
+/// at 1, 5 and 20 ms with `fast` and `balanced`: with 0.3, or without these steps, up to twice the error of steps with
+/// matrices of their own; so, the same or less).
+inline constexpr int kept_iterations = 2;
+inline constexpr double slow_share = 0.1;
+inline constexpr int unkept_steps = 8;
+
 // --- Penalties (newton.h, elements.h, sample_contact.h) ---
 /// Multipliers that do not shrink a violation by this from one update to the next get a penalty so much stiffer. It
 /// must be free to grow: under 1,000 N a penalty below about 500 times the base leaves the finger free to rock on it,

@@ -16,7 +16,7 @@ enum class Condense { gradient, residual, given };
 template <class T>
 struct CoupledKernel {
     void (*begin)(SkinChunk<T>&, const SolverSettings&);
-    void (*evaluate)(SkinChunk<T>&, const SolverSettings&, bool with_matrix);
+    void (*evaluate)(SkinChunk<T>&, const SolverSettings&);
     void (*update)(SkinChunk<T>&, const SolverSettings&, unsigned lanes);
     void (*condense)(SkinChunk<T>&, unsigned lanes, Condense what);
     void (*direction)(SkinChunk<T>&, unsigned lanes, bool first);

@@ -19,6 +19,7 @@ struct Evaluation {
     R contact_force{0};   ///< sum of normal forces [N]
     R coupling_force{0};  ///< norm of the coupling's force [N]
     R limited{0};         ///< elements with an active limit
+    R limits_met{0};      ///< sum of these limits' numbers: another one where others act
     R margin = std::numeric_limits<ScalarOf<R>>::max();  ///< least distance of a principal stretch from a limit
     ScalarOf<R> epsilon = std::numeric_limits<ScalarOf<R>>::epsilon();  ///< of the precision it was computed in
     R extent{ScalarOf<R>(0.03)};                                        ///< of the finger [m]

@@ -377,14 +377,24 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     const MaskOf<R> solved = mask_from_bits<R>(active_lanes(c));
     detail::LaneProgress<R> p = detail::begin_progress<R>(solved);
     detail::keep_base<R>(c, p.active);
+    const R share = detail::contact_share_of<R>(c, settings);
+    const MaskOf<R> at_limits = mask_from_bits<R>(detail::lanes_short_at_limits<R>(c, settings));
     Evaluation<R> e;
     while (true) {
-        const bool may_step = any(p.active & (p.iterations < R(T(settings.newton_iterations)) + p.extra));
-        e = may_step ? evaluate<R>(c, settings, p.exactness)
-                     : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
+        const MaskOf<R> may_step = p.active & (p.iterations < R(T(settings.newton_iterations)) + p.extra);
+        const MaskOf<R> keepable = (p.exactness <= R(0)) & (p.damping <= R(0));
+        const MaskOf<R> enough = p.iterations >= R(T(detail::fitted::kept_iterations));
+        const MaskOf<R> renew = (!keepable) | enough | at_limits;
+        detail::MatrixRequest<R> matrix{may_step, renew, keepable, share};
+        e = any(may_step) ? detail::evaluate_keeping<R>(c, settings, p.exactness, matrix)
+                          : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
         if (c.linear.left_lanes != 0) detail::forget_energy(p, mask_from_bits<R>(c.linear.left_lanes));
+        const MaskOf<R> slow = detail::slow_lanes<R>(c, e.residual, p);
         detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
+        if (any(slow)) detail::forget_matrix<R>(c, slow & !p.converged, detail::fitted::unkept_steps);
         if (!any(p.active)) break;
+        matrix.lanes = slow & d.newton;
+        if (any(matrix.lanes)) e = detail::evaluate_keeping<R>(c, settings, p.exactness, matrix);
 
         if (any(d.retry)) detail::shorten_steps(p, d);
         if (any(d.update)) {
@@ -396,6 +406,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
             R bad_pivots;
             detail::adapt_damping(p, d.newton);
             detail::damp<R>(c, d.newton, p.damping);
+            if (c.keeps_matrix) detail::forget_matrix<R>(c, d.newton & (p.damping > R(0)));
             R slope = detail::newton_direction<R>(c, d.newton, bad_pivots);
             slope = detail::follow_contacts<R>(c, settings, d.newton & (p.exactness <= R(0)), p.exactness, e.residual,
                                                slope, bad_pivots);
@@ -410,6 +421,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         if (any(d.newton | d.retry)) detail::move_from_base<R>(c, d.newton | d.retry, p.alpha);
     }
     const unsigned reset = detail::end_iteration<R>(c, e, solved, p.failed, p.converged);
+    if (reset != 0) detail::forget_matrix<R>(c, mask_from_bits<R>(reset));
     detail::record_status(c, e, p, reset);
     detail::end_step<R>(c, settings);
 }

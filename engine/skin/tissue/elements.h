@@ -47,8 +47,9 @@ inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
     return maximum(base, R(ScalarOf<R>(fitted::penalty_over_multiplier)) * square_root(squared) / low);
 }
 
-/// What an evaluation is asked for: forces alone where no linear solve follows.
-enum class Want { forces, forces_and_matrix };
+/// What an evaluation is asked for: forces alone where no linear solve follows; forces, and what contact adds to the
+/// matrix, where tissue's part of it is kept (kept_matrix.h).
+enum class Want { forces, forces_and_contacts, forces_and_matrix };
 
 /// Adds the nodal forces of an element's stress to an array [node][xyz].
 template <class R>
@@ -129,6 +130,8 @@ inline void add_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F
     for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
     out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
     out.limited += select(dot(terms.stress, terms.stress) > R(0), R(1), R(0));
+    for (int i = 0; i < 3; ++i)
+        out.limits_met += select(absolute(terms.stress[i]) > R(0), R(ScalarOf<R>(3 * e + std::size_t(i) + 1)), R(0));
     keep_candidate(stress);
 }
 
