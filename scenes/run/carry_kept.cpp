@@ -77,6 +77,7 @@ void carry_finger(SkinChunk<T>& from, const Skin& was, SkinChunk<T>& to, const S
         return;
     }
     soften_lanes(from, from.rigid_lanes & (1u << was.lane));
+    to.keeps_matrix |= from.keeps_matrix;
     for_each_field_of_both(from, to, [&](const auto& a, auto& b, const Field& f) {
         if (f.role != Role::state || f.owner != Owner::lane) return;
         const std::size_t n = a.size() / std::size_t(from.width);

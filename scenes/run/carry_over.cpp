@@ -74,6 +74,7 @@ void carry_chunks(std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T>>& to
     for (std::size_t k = 0; k < from.size(); ++k) {
         soften_lanes(from[k], from[k].rigid_lanes);
         to[k].limits = {};
+        to[k].keeps_matrix = from[k].keeps_matrix;
         to[k].contacts = from[k].contacts;
         resize_fields(to[k]);
         // Arrays that one of them has not are those of friction or limits, which were just switched.
