@@ -50,6 +50,10 @@ void find_slow_islands(Work& w) {
             island.slow && p.active && p.iterations > 0 && island.evaluation.residual > share * p.base_residual;
         if (island.slow) p.extra += 1;
     }
+    for_each_lane(w, [&](auto& c, int lane, const Island& i) {
+        const bool led = i.progress.active && i.progress.iterations > 0 && c.state.matrix_kept[std::size_t(lane)] > 1;
+        if (led && !i.slow) c.state.matrix_wait[std::size_t(lane)] = 1;
+    });
 }
 
 /// Their lanes have matrices of their own next. Whether any of them go on.
@@ -57,7 +61,9 @@ bool renew_where_slow(Work& w) {
     bool any = false;
     for_each_lane(w, [&](auto& c, int lane, const Island& i) {
         if (!i.slow || i.progress.converged) return;
-        forget_matrix(c, lane, detail::fitted::unkept_steps);
+        auto& wait = c.state.matrix_wait[std::size_t(lane)];
+        forget_matrix(c, lane, detail::fitted::unkept_steps * int(wait));
+        wait = std::min(2 * wait, decltype(2 * wait)(detail::fitted::longest_wait));
         any |= bool(i.decision.newton);
     });
     return any;

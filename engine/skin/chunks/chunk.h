@@ -62,6 +62,7 @@ struct SkinState {
     LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (newton.h)
     LaneArray<T> matrix_kept;      ///< [1] 1: the blocks hold a matrix that may be kept (kept_matrix.h), 2: that was;
                                    ///< 0: none; -n: none is to be kept for n steps
+    LaneArray<T> matrix_wait;      ///< [1] grows where kept matrices are of no use again and again
     LaneArray<T> matrix_limits;    ///< [1] the limits that it knows (Evaluation::limits_met)
     LaneArray<T> penalty_scale;    ///< [2] of limits, of contacts: grow where their multipliers converge slowly
 };
@@ -72,8 +73,8 @@ struct NotedLimit {
     unsigned lanes;
 };
 
-/// Work memory of a step. Of it, only what the step is given (bone_springs) and what is read after it (gradient, and
-/// the candidates, which hold its forces) is kept with the finger.
+/// Work memory of a step. Of it, only what the step is given (bone_springs), what is read after it (gradient, and the
+/// candidates, which hold its forces) and a matrix that is kept (blocks, contact_in_matrix) stay with the finger.
 template <class T>
 struct SkinScratch {
     LaneArray<T> start_position;  ///< [node][xyz] at the beginning of the step

@@ -113,6 +113,7 @@ void for_each_state_field(Chunk& c, Visit visit) {
     visit(s.svd_guess, Field{state, lane, 9 * n.decomposed});
     visit(s.tangled_steps, Field{state, lane, 1});
     visit(s.matrix_kept, Field{state, lane, 1});
+    visit(s.matrix_wait, Field{state, lane, 1, 1});
     visit(s.matrix_limits, Field{state, lane, 1});
     visit(s.penalty_scale, Field{state, lane, 2, 1});
 }

@@ -180,14 +180,24 @@ inline Evaluation<R> evaluate_keeping(SkinChunk<ScalarOf<R>>& c, const SolverSet
 /// Lanes that a kept matrix has led on, and hardly nearer to the solution: too much changes for it. The iteration is
 /// not counted.
 template <class R>
-inline MaskOf<R> slow_lanes(const SkinChunk<ScalarOf<R>>& c, const R& residual, LaneProgress<R>& p) {
+inline MaskOf<R> slow_lanes(SkinChunk<ScalarOf<R>>& c, const R& residual, LaneProgress<R>& p) {
     if (!c.keeps_matrix) return mask_from_bits<R>(0);
     constexpr double share = fitted::slow_share * fitted::slow_share;
-    const MaskOf<R> kept = load<R>(c.state.matrix_kept.data()) > R(1);
-    const MaskOf<R> slow =
-        kept & p.active & (p.iterations > R(0)) & (residual > R(ScalarOf<R>(share)) * p.base_residual);
+    const MaskOf<R> led = p.active & (p.iterations > R(0)) & (load<R>(c.state.matrix_kept.data()) > R(1));
+    const MaskOf<R> slow = led & (residual > R(ScalarOf<R>(share)) * p.base_residual);
     p.extra += select(slow, R(1), R(0));
+    auto* wait = c.state.matrix_wait.data();
+    store<R>(wait, select(led & !slow, R(1), load<R>(wait)));
     return slow;
+}
+
+/// These have matrices of their own for some steps, the more of them the more often that was so.
+template <class R>
+inline void wait_with_matrix(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
+    auto *kept = c.state.matrix_kept.data(), *wait = c.state.matrix_wait.data();
+    const R old = load<R>(kept), times = load<R>(wait);
+    store<R>(kept, select(lanes, minimum(old, R(-fitted::unkept_steps) * times), old));
+    store<R>(wait, select(lanes, minimum(R(2) * times, R(fitted::longest_wait)), times));
 }
 
 }  // namespace palpate::detail

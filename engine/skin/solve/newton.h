@@ -391,7 +391,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         if (c.linear.left_lanes != 0) detail::forget_energy(p, mask_from_bits<R>(c.linear.left_lanes));
         const MaskOf<R> slow = detail::slow_lanes<R>(c, e.residual, p);
         detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
-        if (any(slow)) detail::forget_matrix<R>(c, slow & !p.converged, detail::fitted::unkept_steps);
+        if (any(slow)) detail::wait_with_matrix<R>(c, slow & !p.converged);
         if (!any(p.active)) break;
         matrix.lanes = slow & d.newton;
         if (any(matrix.lanes)) e = detail::evaluate_keeping<R>(c, settings, p.exactness, matrix);
