@@ -70,8 +70,8 @@ void read_solver(Section s, Scene& scene) {
     s.number("contact_share", v.contact_share, unit::one, contact_share,
              "Contacts are followed while they leave more than this share of the residual.");
     s.integer("stiffness_steps", v.stiffness_steps, stiffness_steps,
-              "Steps for which the tissue's part of a Newton matrix is kept, which makes steps two to three times as "
-              "fast and no error: forces are always those of the tissue as it is. 1: assembled in every iteration.");
+              "Steps for which the tissue's part of a Newton matrix is kept where little changes: steps are then up to "
+              "three times as fast, by the same forces. 1: assembled in every iteration.");
     s.integer(
         "steadying_iterations", v.steadying_iterations, steadying_iterations,
         "Most linear solves more in a step that would shake a body held by tissue at its strain limits, so that a "
