@@ -69,32 +69,10 @@ bool renew_where_slow(Work& w) {
     return any;
 }
 
-/// Everything at the current positions and poses: energies, gradients, and what each island makes of them. Lanes of the
-/// islands that step next have a matrix.
-template <class Steps>
-void evaluate_all(Work& w, Steps steps) {
+/// Inertia, weight and contact between bodies, into their gradients and their islands.
+void evaluate_bodies(Work& w) {
     BodySolve& s = w.s;
     auto active = [](const Island& i) { return i.progress.active; };
-    for (int i = 0; i < s.island_count; ++i)
-        if (active(s.islands[i])) {
-            s.islands[i].evaluation = {};
-            s.islands[i].evaluation.extent = 0;
-            s.islands[i].rounding = 0;
-        }
-    place_bodies(w, false);
-    for_each_lane(w, [&](auto& c, int lane, const Island& i) {
-        c.exchange.lanes[lane].exactness = i.progress.exactness;
-        c.exchange.lanes[lane].steps = steps(i);
-        if (steps(i) && (i.progress.damping > 0 || i.progress.iterations >= detail::fitted::kept_iterations))
-            forget_matrix(c, lane, 0);
-    });
-    for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver); });
-    bool with_matrix = false;
-    for (int i = 0; i < s.island_count; ++i) with_matrix |= steps(s.islands[i]);
-    add_soft_contact(w, with_matrix);
-    for_each_lane(w, [&](auto& c, int lane, Island& i) {
-        if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);
-    });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
         Island& i = s.islands[s.bodies[b].island];
         if (!active(i)) continue;
@@ -127,6 +105,35 @@ void evaluate_all(Work& w, Steps steps) {
                     body.gradient += G.transpose() * eigen(t.gradient);
                 });
     }
+}
+
+/// Everything at the current positions and poses: energies, gradients, and what each island makes of them. Lanes of the
+/// islands that step next have a matrix.
+template <class Steps>
+void evaluate_all(Work& w, Steps steps) {
+    BodySolve& s = w.s;
+    auto active = [](const Island& i) { return i.progress.active; };
+    for (int i = 0; i < s.island_count; ++i)
+        if (active(s.islands[i])) {
+            s.islands[i].evaluation = {};
+            s.islands[i].evaluation.extent = 0;
+            s.islands[i].rounding = 0;
+        }
+    place_bodies(w, false);
+    for_each_lane(w, [&](auto& c, int lane, const Island& i) {
+        c.exchange.lanes[lane].exactness = i.progress.exactness;
+        c.exchange.lanes[lane].steps = steps(i);
+        if (steps(i) && (i.progress.damping > 0 || i.progress.iterations >= detail::fitted::kept_iterations))
+            forget_matrix(c, lane, 0);
+    });
+    for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver); });
+    bool with_matrix = false;
+    for (int i = 0; i < s.island_count; ++i) with_matrix |= steps(s.islands[i]);
+    add_soft_contact(w, with_matrix);
+    for_each_lane(w, [&](auto& c, int lane, Island& i) {
+        if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);
+    });
+    evaluate_bodies(w);
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (!active(i)) return;
         const LaneReport& r = c.exchange.lanes[lane];
