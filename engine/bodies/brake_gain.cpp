@@ -19,6 +19,15 @@ bool gains(const BodyWork& w, const BodyProgress& b, int body) {
     return b.gain > uncertainty(w.bodies[std::size_t(body)], b);
 }
 
+/// What really acted on a body beside its weight [N].
+Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.mass * body.acceleration - b.weight; }
+
+/// Where a solve ended early, forces of contact may be far from what acted, and where skin has got to is no result
+/// either.
+bool unbalanced(const RigidBody& body, const BodyProgress& b) {
+    return !body.converged && norm(push(body, b) - body.contact_force) > fitted::no_result * norm(body.contact_force);
+}
+
 /// A contact force on a body, of what has moved by `way`.
 void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& way) {
     b.supported += dot(force, way);
@@ -44,8 +53,22 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
         }
         return way;
     };
+    auto pose_in = [&](const LaneArray<T>& bones) {
+        double p[7];
+        for (std::size_t k = 0; k < 7; ++k) p[k] = double(bones[k * W + L]);
+        return Pose<double>{{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
+    };
+    const Pose<double> bone = pose_in(c.state.bone), start = pose_in(c.scratch.start_bone);
+    auto bone_way = [&](int node) {
+        Vec3<double> x;
+        for (int d = 0; d < 3; ++d) x[d] = double(c.state.position[std::size_t(3 * node + d) * W + L]);
+        return x - transform(start, inverse_transform(bone, x));
+    };
     for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
-        if (const int body = c.contacts.at(slot, lane).body; is_plane(w, body) || !gains(w, b, body)) return;
+        const int row = c.contacts.at(slot, lane).body;
+        if (is_plane(w, row) || !gains(w, b, row)) return;
+        const bool no_result = unbalanced(w.bodies[std::size_t(row)], b);
+        auto way_of_node = [&](int node) { return no_result ? bone_way(node) : node_way(node); };
         if (c.contacts.slot[std::size_t(slot)].recovers) b.gain = 0;
         for (std::size_t s = 0; s < samples_in_use<T>(c); ++s) {
             const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * 3 * W + L;
@@ -53,18 +76,19 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
                                      double(c.exchange.slot_gradient[i + 2 * W])};
             if (dot(force, force) <= 0) continue;
             if (s < t.samples.size()) {
-                support(b, force, node_way(t.samples[s]));
+                support(b, force, way_of_node(t.samples[s]));
                 continue;
             }
             const FaceSample& f = t.face_samples[s - t.samples.size()];
             Vec3<double> way{0, 0, 0};
-            for (std::size_t k = 0; k < 3; ++k) way += double(f.weight[k]) * node_way(f.node[k]);
+            for (std::size_t k = 0; k < 3; ++k) way += double(f.weight[k]) * way_of_node(f.node[k]);
             support(b, force, way);
         }
     });
 }
 
-/// What other objects gave; of two bodies, neither is the other's ground: they meet half way.
+/// What other objects gave; of two bodies, neither is the other's ground: they meet half way, or where that is no
+/// result, nowhere.
 void add_support_of_objects(BodyWork& w) {
     for (const BodyPair& p : w.s.pairs) {
         if (p.a < 0) continue;
@@ -77,9 +101,14 @@ void add_support_of_objects(BodyWork& w) {
                 if (dot(term.gradient, term.gradient) <= 0) continue;
                 const Vec3<double> of_a = way_of(a, a.centre + term.arm_of_a),
                                    of_b = way_of(b, b.centre + term.arm_of_b);
-                const Vec3<double> both = 0.5 * (of_a + of_b);
-                if (a.body >= 0) support(w.s.bodies[std::size_t(a.body)], -term.gradient, b.body < 0 ? of_b : both);
-                if (b.body >= 0) support(w.s.bodies[std::size_t(b.body)], term.gradient, a.body < 0 ? of_a : both);
+                auto give = [&](const ContactBody& to, const Vec3<double>& force, bool met, const Vec3<double>& way) {
+                    if (to.body < 0) return;
+                    BodyProgress& body = w.s.bodies[std::size_t(to.body)];
+                    const bool nowhere = met && unbalanced(w.bodies[std::size_t(to.body)], body);
+                    support(body, force, met ? (nowhere ? 0.0 : 0.5) * (of_a + of_b) : way);
+                };
+                give(a, -term.gradient, b.body >= 0, of_b);
+                give(b, term.gradient, a.body >= 0, of_a);
             }
         }
     }
@@ -109,6 +138,7 @@ void brake_gains(BodyWork& w) {
     for_each_lane(w, [&](const auto& c, int lane, const Island&) { add_support_of_skin(w, c, lane); });
     add_support_of_objects(w);
     for_each_gaining([&](RigidBody& body, BodyProgress& b, int) {
+        if (b.load > 0 && unbalanced(body, b)) b.supported = dot(push(body, b), b.carried) / b.load;
         const double excess = b.gain - std::max(0.0, b.supported);
         if (excess <= uncertainty(body, b)) return;
         const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};

@@ -51,7 +51,10 @@ inline constexpr int most_plane_steps = 40;
 /// What is corrected after a solve is next to nothing below this share of the load, squared (`FingerPairs`).
 inline constexpr double plane_correction = 1e-6;
 
-// --- The end of a step (end_bodies.cpp) ---
+// --- The end of a step (end_bodies.cpp, brake_gain.cpp) ---
+/// Forces of contact that miss what really acted on a body by more than this share of themselves are no result (random
+/// scenes: bodies that turn by a right angle in one step).
+inline constexpr double no_result = 0.1;
 /// A body falls asleep after so many steps at rest (`Bodies`).
 inline constexpr int steps_to_sleep = 20;
 

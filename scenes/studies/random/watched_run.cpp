@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <limits>
 
 #include "engine/contact/shape.h"
 #include "scenes/studies/random/finger_state.h"
@@ -57,6 +58,13 @@ void check_penetration(const Watched& v, Findings& found) {
     }
 }
 
+/// Forces that rounding of positions makes: no solve is asked for less. The bone's springs are the stiffest [N].
+double rounding_of(const Watched& v, std::size_t finger) {
+    if (!v.fingers[finger].skin->single_precision) return 1e-4;
+    const double extent = 0.02, stiffness = v.s.world.couplings.find(v.s.fingers[finger])->stiffness;
+    return 2e-3 + 2 * double(std::numeric_limits<float>::epsilon()) * extent * stiffness;
+}
+
 /// A solve that says it has converged reports nothing beyond its tolerances. (What is measured from outside: the two
 /// laws around this one.)
 void check_status(const Watched& v, Findings& found) {
@@ -67,7 +75,7 @@ void check_status(const Watched& v, Findings& found) {
         if (!s.converged || s.reset) continue;
         const double pull = v.s.world.couplings.find(v.s.fingers[i])->force_N;
         const double forces = std::max({s.contact_force_N, norm(f.reaction), pull});
-        const double rounding = f.skin->single_precision ? 2e-3 : 1e-4;  // of positions, in forces [N]
+        const double rounding = rounding_of(v, i);
         const double residual = std::max(1e-3, 3 * solver.tolerance) * forces + rounding;
         const double violation = 1.01 * solver.limit_tolerance + 1e-6;
         const double penetration = 1.01 * solver.contact_tolerance + 1e-8;
@@ -90,7 +98,7 @@ void check_finger_balance(const Watched& v, Findings& found) {
         if (v.before[i].velocity.empty()) continue;  // accelerations take three steps
         const Vec3<double> off = f.momentum_rate(v.before[i], w.solver.dt) - f.contact - f.reaction;
         const double scale = norm(f.contact) + norm(f.reaction) + f.normal_force;
-        if (norm(off) > 2e-2 * scale + 2e-3)
+        if (norm(off) > 2e-2 * scale + std::max(2e-3, rounding_of(v, i)))
             found.add("reported forces are those that act",
                       law_text("%.4f s: %s: contact and bone leave %.4f of %.4f N over", w.time, f.skin->name.c_str(),
                                norm(off), scale));
@@ -222,6 +230,7 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
         for (const FingerState& f : v.fingers) {
             forces.push_back(f.normal_force);
             trace.all_converged &= f.status.converged && !f.status.reset;
+            trace.iterations += f.status.newton_iterations;
             if (found && !f.finite())
                 found->add("everything stays finite", law_text("%.4f s: %s", s.world.time, f.skin->name.c_str()));
         }

@@ -27,6 +27,7 @@ struct Trace {
     std::vector<Vec3<double>> bodies;  ///< where they are in the end, in the order of the objects [m]
     bool all_converged = true;
     bool fingers_near = false;  ///< each other, in some step
+    double iterations = 0;      ///< Newton's, of all fingers: what it has cost
 };
 
 /// Runs a scene to its end. `found`: held against the laws of every step; `recorder`: recorded.
