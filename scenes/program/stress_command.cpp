@@ -97,6 +97,8 @@ Action add_stress_command(const Command& program, const std::atomic<bool>& stop)
     c.option("--seed", random->first_seed, "seed of the first random scene; the others follow");
     c.option("--out", *folder, "folder of random scenes that break a law (default: results/random)");
     c.flag("--no-shrink", *as_found, "leave them as they are instead of making them small");
+    c.flag("--thorough", random->thorough,
+           "compare each random scene with all other runs of it, however long they take");
     auto json = std::make_shared<bool>(false);
     c.flag("--json", *json, "print what came of it as JSON");
     return [brief, only, random, folder, as_found, json, &stop] {

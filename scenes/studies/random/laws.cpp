@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "scenes/studies/random/watched_run.h"
 
@@ -53,26 +54,38 @@ bool has_tissue(const Scene& scene) {
     return std::any_of(scene.spec.objects.begin(), scene.spec.objects.end(), [](auto& o) { return bool(o.tissue); });
 }
 
+/// What is compared with another run: what has been found, and what the other runs have cost.
+struct Comparisons {
+    Findings found;
+    double iterations = 0;
+    void add(const std::string& law, const std::string& text) { found.add(law, text); }
+
+    Trace run(Scene scene, int threads = 1) {
+        Simulation s = make_simulation(std::move(scene), threads);
+        Trace trace = watch(s, nullptr);
+        iterations += trace.iterations;
+        return trace;
+    }
+};
+
 /// The same bits for any number of threads.
-void compare_threads(const Scene& scene, const Trace& one, Findings& found) {
-    Simulation s = make_simulation(scene, 2);
-    const Trace two = watch(s, nullptr);
+void compare_threads(const Scene& scene, const Trace& one, Comparisons& found) {
+    const Trace two = found.run(scene, 2);
     for (std::size_t k = 0; k < one.hashes.size(); ++k)
         if (one.hashes[k] != two.hashes[k])
             return found.add("the same bits for any number of threads", law_text("step %zu differs", k + 1));
 }
 
 /// Fingers declared in the opposite order feel the same, to the last bit where no body passes forces on.
-void compare_order(const Scene& scene, const Trace& forward, Findings& found) {
+void compare_order(const Scene& scene, const Trace& forward, Comparisons& found) {
     if (scene.spec.fingers.size() < 2 || has_bodies(scene) || has_tissue(scene) || !scene.spec.thimbles.empty()) return;
     Scene reversed = scene;
     std::reverse(reversed.spec.fingers.begin(), reversed.spec.fingers.end());
     std::reverse(reversed.finger_motions.begin(), reversed.finger_motions.end());
     for (FingerFriction& f : reversed.spec.finger_frictions) f.finger = int(scene.spec.fingers.size()) - 1 - f.finger;
-    Simulation s = make_simulation(std::move(reversed), 1);
-    const Trace backward = watch(s, nullptr);
+    const Trace backward = found.run(std::move(reversed));
     // What passes between fingers is reckoned with its plane's axes turned: equal, but for the last bits.
-    if (s.world.body_solve.places > 0) return;
+    if (backward.fingers_near) return;
     for (std::size_t k = 0; k < forward.force.size(); ++k)
         for (std::size_t i = 0; i < forward.force[k].size(); ++i) {
             const double a = forward.force[k][i], b = backward.force[k][backward.force[k].size() - 1 - i];
@@ -84,13 +97,12 @@ void compare_order(const Scene& scene, const Trace& forward, Findings& found) {
 }
 
 /// Objects declared in the opposite order are felt the same, and bodies end in the same places.
-void compare_object_order(const Scene& scene, const Trace& forward, Findings& found) {
+void compare_object_order(const Scene& scene, const Trace& forward, Comparisons& found) {
     if (scene.spec.objects.size() < 2 || !scene.spec.finger_frictions.empty()) return;
     Scene reversed = scene;
     std::reverse(reversed.spec.objects.begin(), reversed.spec.objects.end());
     std::reverse(reversed.object_motions.begin(), reversed.object_motions.end());
-    Simulation s = make_simulation(std::move(reversed), 1);
-    Trace backward = watch(s, nullptr);
+    Trace backward = found.run(std::move(reversed));
     std::reverse(backward.bodies.begin(), backward.bodies.end());
     if (!forward.all_converged || !backward.all_converged) return;
     const double off = difference(forward, backward);
@@ -103,7 +115,7 @@ void compare_object_order(const Scene& scene, const Trace& forward, Findings& fo
 }
 
 /// A finger that no other comes near feels, to the last bit, what it feels without them.
-void compare_alone(const Scene& scene, const Trace& together, Findings& found) {
+void compare_alone(const Scene& scene, const Trace& together, Comparisons& found) {
     const std::size_t fingers = scene.spec.fingers.size();
     if (fingers < 2 || has_bodies(scene) || has_tissue(scene) || together.fingers_near || !scene.spec.thimbles.empty())
         return;
@@ -114,8 +126,7 @@ void compare_alone(const Scene& scene, const Trace& together, Findings& found) {
         alone.finger_models = {scene.finger_models[i]};
         std::erase_if(alone.spec.finger_frictions, [&](auto& f) { return f.finger != int(i); });
         for (FingerFriction& f : alone.spec.finger_frictions) f.finger = 0;
-        Simulation s = make_simulation(std::move(alone), 1);
-        const Trace trace = watch(s, nullptr);
+        const Trace trace = found.run(std::move(alone));
         for (std::size_t k = 0; k < trace.force.size(); ++k)
             if (const double a = together.force[k][i], b = trace.force[k][0]; a != b && std::isfinite(a))
                 return found.add("a finger alone feels the same",
@@ -125,7 +136,8 @@ void compare_alone(const Scene& scene, const Trace& together, Findings& found) {
 }
 
 /// What goes in, recorded, read and put in again, gives the same bits.
-void compare_replay(const Scene& scene, const std::filesystem::path& recording, const Trace& first, Findings& found) {
+void compare_replay(const Scene& scene, const std::filesystem::path& recording, const Trace& first,
+                    Comparisons& found) {
     const Recording read = read_recording(recording);
     if (read.runs.size() != 1 || !read.losses.empty() || read.runs[0].steps.size() != first.hashes.size())
         return found.add("record and replay are the same", "the recording has lost something");
@@ -160,50 +172,46 @@ void mirror_scene(Scene& scene) {
 }
 
 /// A mirrored scene is felt the same.
-void compare_mirrored(const Scene& scene, const Trace& here, Findings& found) {
+void compare_mirrored(const Scene& scene, const Trace& here, Comparisons& found) {
     const auto is_mesh = [](const ObjectSpec& o) { return o.shape.kind == ShapeKind::mesh; };
     if (has_bodies(scene) || has_friction(scene) || scene.preset != 3 || !scene.spec.thimbles.empty()) return;
     if (has_tissue(scene)) return;
     if (std::any_of(scene.spec.objects.begin(), scene.spec.objects.end(), is_mesh)) return;
     Scene other = scene;
     mirror_scene(other);
-    Simulation s = make_simulation(std::move(other), 1);
-    const Trace there = watch(s, nullptr);
+    const Trace there = found.run(std::move(other));
     const double off = difference(here, there);
     if (off > 0.01 && here.all_converged && there.all_converged)
         found.add("a mirror makes no difference", law_text("forces differ by %.3g %%", 100 * off));
 }
 
 /// Single and double precision feel the same.
-void compare_precision(const Scene& scene, const Trace& here, Findings& found) {
+void compare_precision(const Scene& scene, const Trace& here, Comparisons& found) {
     if (has_bodies(scene) || has_friction(scene) || scene.preset != 3) return;
     Scene other = scene;
     for (FingerSpec& f : other.spec.fingers) f.single_precision = !f.single_precision;
-    Simulation s = make_simulation(std::move(other), 1);
-    const Trace there = watch(s, nullptr);
+    const Trace there = found.run(std::move(other));
     const double off = difference(here, there);
     if (off > 0.01 && here.all_converged && there.all_converged)
         found.add("precision makes little difference", law_text("forces differ by %.3g %%", 100 * off));
 }
 
 /// Turned and far away, the same is felt.
-void compare_moved(const Scene& scene, const Trace& here, Findings& found) {
+void compare_moved(const Scene& scene, const Trace& here, Comparisons& found) {
     if (has_bodies(scene) || has_friction(scene) || scene.preset != 3) return;
     Scene far = scene;
     move_scene(far, {{9.7, -3.2, 4.1}, from_roll_pitch_yaw(0.3, -0.7, 2.1)});
-    Simulation s = make_simulation(std::move(far), 1);
-    const Trace there = watch(s, nullptr);
+    const Trace there = found.run(std::move(far));
     const double off = difference(here, there);
     if (off > 0.01 && here.all_converged && there.all_converged)
         found.add("place and direction make no difference", law_text("forces differ by %.3g %%", 100 * off));
 }
 
 /// With `parts` steps for each of the scene's: their mean forces, which are what an implicit step gives.
-Trace finer_trace(const Scene& scene, std::size_t parts, std::size_t steps) {
+Trace finer_trace(const Scene& scene, std::size_t parts, std::size_t steps, Comparisons& comparisons) {
     Scene finer = scene;
     finer.spec.solver.dt /= double(parts);
-    Simulation s = make_simulation(std::move(finer), 1);
-    Trace trace = watch(s, nullptr);
+    Trace trace = comparisons.run(std::move(finer));
     for (std::size_t k = 0; parts * (k + 1) <= trace.force.size(); ++k) {
         std::vector<double> mean(trace.force[k].size(), 0.0);
         for (std::size_t part = 0; part < parts; ++part)
@@ -216,12 +224,12 @@ Trace finer_trace(const Scene& scene, std::size_t parts, std::size_t steps) {
 
 /// Half the step: close to the same where nothing sticks or rolls away. A blow that takes a few steps is not resolved
 /// by them: where half the step gives something else, a quarter must differ less from the half.
-void compare_step(const Scene& scene, const Trace& coarse, Findings& found) {
+void compare_step(const Scene& scene, const Trace& coarse, Comparisons& found) {
     if (has_bodies(scene) || has_friction(scene) || scene.preset != 3 || scene.spec.solver.dt > 0.0051) return;
-    const Trace half = finer_trace(scene, 2, coarse.force.size());
+    const Trace half = finer_trace(scene, 2, coarse.force.size(), found);
     const double off = difference(coarse, half);
     if (off <= 0.25 || !coarse.all_converged || !half.all_converged) return;
-    const Trace quarter = finer_trace(scene, 4, coarse.force.size());
+    const Trace quarter = finer_trace(scene, 4, coarse.force.size(), found);
     const double still_off = difference(half, quarter);
     if (still_off > 0.75 * off && quarter.all_converged)
         found.add("shorter steps come closer",
@@ -232,26 +240,27 @@ void compare_step(const Scene& scene, const Trace& coarse, Findings& found) {
 
 }  // namespace
 
-std::vector<Violation> broken_laws(const std::filesystem::path& file, FingerTemplates* templates) {
+std::vector<Violation> broken_laws(const std::filesystem::path& file, FingerTemplates* templates,
+                                   const LawBudget& budget) {
     const Scene scene = load_scene(file, {}, templates);
-    Findings found;
+    Comparisons found;
     Simulation s = make_simulation(scene, 1);
     const std::filesystem::path recording = file.string() + ".recorded";
     const Trace trace = [&] {
         RunWriter recorder(recording, s, {});
-        return watch(s, &found, &recorder);
+        return watch(s, &found.found, &recorder);
     }();
-    compare_replay(scene, recording, trace, found);
+    auto compare_recorded = [&](const Scene&, const Trace&, Comparisons&) {
+        compare_replay(scene, recording, trace, found);
+        found.iterations += trace.iterations;
+    };
+    const std::vector<std::function<void(const Scene&, const Trace&, Comparisons&)>> comparisons{
+        compare_recorded,  compare_threads,  compare_order, compare_object_order, compare_alone,
+        compare_precision, compare_mirrored, compare_moved, compare_step};
+    for (std::size_t k = 0; k < comparisons.size() && found.iterations < budget.iterations; ++k)
+        comparisons[(budget.first + k) % comparisons.size()](scene, trace, found);
     std::filesystem::remove(recording);
-    compare_threads(scene, trace, found);
-    compare_order(scene, trace, found);
-    compare_object_order(scene, trace, found);
-    compare_alone(scene, trace, found);
-    compare_precision(scene, trace, found);
-    compare_mirrored(scene, trace, found);
-    compare_moved(scene, trace, found);
-    compare_step(scene, trace, found);
-    return found.all;
+    return found.found.all;
 }
 
 }  // namespace palpate

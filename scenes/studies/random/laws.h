@@ -2,6 +2,7 @@
 // Laws that hold in every scene, whatever it is: no reference solution is needed to see them broken.
 
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,16 @@ struct Violation {
     std::string found;  ///< when, where, by how much
 };
 
+/// How much of a scene's comparisons with other runs of it is made: beginning with one of them, in turn until other
+/// runs have taken so many Newton iterations (of all fingers). What a single run shows is always looked at.
+struct LawBudget {
+    std::size_t first = 0;
+    double iterations = std::numeric_limits<double>::infinity();
+};
+
 /// Runs a scene file, several times where a law compares runs, and says which laws it broke. Throws InputError where it
 /// cannot be loaded. Meshes are taken from `templates`, where there are any, and put there.
-std::vector<Violation> broken_laws(const std::filesystem::path& scene, FingerTemplates* templates = nullptr);
+std::vector<Violation> broken_laws(const std::filesystem::path& scene, FingerTemplates* templates = nullptr,
+                                   const LawBudget& budget = {});
 
 }  // namespace palpate

@@ -19,7 +19,8 @@ struct RandomTrials {
     int first_seed = 1;
     int count = 100;
     bool shrink = true;
-    double time_limit = 120;             ///< of one scene: processor time [s]
+    double time_limit = 120;  ///< of one scene: processor time [s]
+    bool thorough = false;  ///< every scene is compared with all other runs of it; else with some, the cheaper the more
     std::filesystem::path folder = ".";  ///< of scenes that break a law: random-SEED.toml
 };
 
