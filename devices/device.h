@@ -5,10 +5,13 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <vector>
 
 namespace palpate {
+
+inline constexpr double degree = std::numbers::pi / 180;  ///< [rad]
 
 inline constexpr int max_device_dimension = 6;
 /// Device configuration w (end-effector coordinates) or actuator coordinates q; never allocates.

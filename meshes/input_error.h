@@ -1,6 +1,7 @@
 #pragma once
 // What is thrown for input that cannot be used: one sentence per problem, all of them at once.
 
+#include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -21,5 +22,10 @@ class InputError : public std::runtime_error {
         return all;
     }
 };
+
+/// Throws an InputError that names the line of a file.
+[[noreturn]] inline void refuse_line(const std::filesystem::path& path, int line, const std::string& what) {
+    throw InputError(path.string() + ":" + std::to_string(line) + ": " + what);
+}
 
 }  // namespace palpate

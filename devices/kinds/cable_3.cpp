@@ -4,7 +4,6 @@
 // the pad holds the platform's centre on the axis and keeps it from turning about it.
 
 #include <cmath>
-#include <numbers>
 
 #include "devices/device.h"
 
@@ -15,7 +14,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double degree = std::numbers::pi / 180;
 enum Geometry { fixed_radius, mobile_radius, pulley, level };
 
 struct Tilt {

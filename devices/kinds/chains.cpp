@@ -2,8 +2,6 @@
 // compared on. Sliding joints are racks on pinions of 8 mm radius; turning ones have their axes through the platform's
 // centre, where the pad touches it, so that tilting does not push.
 
-#include <numbers>
-
 #include "devices/kinds/chain.h"
 
 namespace palpate {
@@ -12,7 +10,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double degree = std::numbers::pi / 180;
 constexpr double height = 0.0246;  // as chinello-3rrs is seated
 
 ChainJoint slide(const char* name, const Vector3d& axis, double range_mm, double rest_mm = 0) {

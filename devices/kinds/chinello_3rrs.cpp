@@ -2,7 +2,6 @@
 // there. Configuration w = (theta, psi, dz): pitch about y, roll about x, height of the platform.
 
 #include <cmath>
-#include <numbers>
 
 #include "devices/kinds/rrs_geometry.h"
 
@@ -93,8 +92,6 @@ Skeleton skeleton(const DeviceModel& m, const Coordinates& w) {
     lines[0].push_back(lines[0][0]), lines[1].push_back(lines[1][0]);
     return lines;
 }
-
-constexpr double degree = std::numbers::pi / 180;
 
 DeviceModel defaults() {
     DeviceModel m;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "engine/contact/shape.h"
 #include "engine/math/svd3.h"
@@ -16,8 +15,6 @@ using Eigen::Affine3d;
 using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr double degree = std::numbers::pi / 180;
 
 /// Axes of a bone: x along it, z as near to `dorsal` as that leaves.
 Matrix3d axes(const Vector3d& along, const Vector3d& dorsal) {

@@ -6,9 +6,12 @@
 #include <array>
 #include <vector>
 
+#include "engine/math/linear_algebra.h"
 #include "scenes/picture/image.h"
 
 namespace palpate {
+
+inline Eigen::Vector3d as_eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
 /// Looks from `eye` at `target`; z up.
 struct Camera {

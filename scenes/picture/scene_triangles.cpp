@@ -11,7 +11,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-Vector3d as_eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 Vector3d as_eigen(const Point& p) { return {p[0], p[1], p[2]}; }
 
 /// Unit normals by area.

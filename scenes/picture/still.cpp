@@ -13,8 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-Vector3d as_eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
-
 struct Look {
     Colour air, ink, soft, floor, grid, panel, line;
 };

@@ -5,15 +5,12 @@
 #include <atomic>
 #include <functional>
 #include <memory>
-#include <numbers>
 
 #include "scenes/program/options.h"
 
 namespace palpate {
 
 using Action = std::function<int()>;
-
-inline constexpr double degree = std::numbers::pi / 180;
 
 Action add_new_command(const Command& program);
 Action add_list_command(const Command& program);

@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Where the scenes lie that come with the program, of all folders that are searched. Empty: nowhere.
-fs::path shipped_scenes() {
+fs::path scene_folder() {
     std::error_code ignored;
     for (const fs::path& folder : scene_folders())
         if (!folder.empty() && fs::is_regular_file(folder / "hand.toml", ignored)) return folder;
@@ -35,7 +35,7 @@ void print_row(const std::string& name, const std::string& about) {
 }
 
 void list_scenes() {
-    const fs::path folder = shipped_scenes();
+    const fs::path folder = scene_folder();
     if (folder.empty()) {
         std::printf("scenes: none beside this program\n");
     } else {

@@ -18,7 +18,6 @@ struct Column {
     Quantity quantity;
     double factor;  ///< to SI
 };
-constexpr double degree = 0.017453292519943295;
 constexpr Column known_columns[] = {
     {"force_N", Quantity::force, 1},
     {"force_mN", Quantity::force, 1e-3},

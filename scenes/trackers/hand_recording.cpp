@@ -18,13 +18,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-[[noreturn]] void refuse(const std::filesystem::path& path, int line, const std::string& what) {
-    throw InputError(path.string() + ":" + std::to_string(line) + ": " + what);
-}
-
 }  // namespace
 
-Matrix3d upright(bool y_up) {
+Matrix3d to_z_up(bool y_up) {
     Matrix3d R = Matrix3d::Identity();
     if (y_up) R << 1, 0, 0, 0, 0, -1, 0, 1, 0;
     return R;
@@ -45,7 +41,7 @@ void add_frame(HandRecording& recording, HandFrame frame, double time, const std
     frame.time = time;
     if (!recording.frames.empty()) {
         const double gap = time - recording.frames.back().time;
-        if (gap < 0) refuse(path, line, "time runs backward; sort the frames");
+        if (gap < 0) refuse_line(path, line, "time runs backward; sort the frames");
         if (gap == 0) return;  // repeated frame
         recording.largest_gap = std::max(recording.largest_gap, gap);
     }
@@ -73,19 +69,20 @@ HandRecording read_json_lines(const std::filesystem::path& path, const std::stri
         std::string wrong;
         const auto json = parse_object(line, wrong);
         if (!wrong.empty())
-            refuse(path, number, wrong + " (half a line at the end is left by a killed recorder: delete it)");
+            refuse_line(path, number, wrong + " (half a line at the end is left by a killed recorder: delete it)");
         if (!json.contains("joints") || json["joints"].is_string()) {  // a header
             units = {};
-            if (const std::string wrong = read_units(json, units); !wrong.empty()) refuse(path, number, wrong);
+            if (const std::string wrong = read_units(json, units); !wrong.empty()) refuse_line(path, number, wrong);
             continue;
         }
-        if (!json.contains("t") || !json["t"].is_number()) refuse(path, number, "expected a time \"t\"");
+        if (!json.contains("t") || !json["t"].is_number()) refuse_line(path, number, "expected a time \"t\"");
         const double time = json["t"].get<double>();
         if (!started) first_time = time, started = true;
         const auto which = json.find("hand");
         if (which != json.end() && *which != hand) continue;
         HandFrame frame;
-        if (const std::string wrong = read_hand_frame(json, units, frame); !wrong.empty()) refuse(path, number, wrong);
+        if (const std::string wrong = read_hand_frame(json, units, frame); !wrong.empty())
+            refuse_line(path, number, wrong);
         add_frame(recording, frame, time - first_time, path, number);
     }
     return recording;
@@ -125,7 +122,7 @@ std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& un
 }
 
 void set_fingers(HandFrame& frame, const std::array<HandJoint, hand_joint_count>& joints, const HandFrameUnits& units) {
-    const Matrix3d up = upright(units.y_up);
+    const Matrix3d up = to_z_up(units.y_up);
     const auto place = [&](const HandJoint& joint) -> Vector3d {
         return units.scale * (up * Vector3d(joint.position.data()));
     };

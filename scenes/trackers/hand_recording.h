@@ -38,7 +38,7 @@ struct HandFrameUnits {
 };
 
 /// World axes from a tracker's: z up, from y up where it is so.
-Eigen::Matrix3d upright(bool y_up);
+Eigen::Matrix3d to_z_up(bool y_up);
 
 /// Puts a finger into a frame by its distal joint and tip [m], with the bone's axes (columns: x sideways, y dorsal,
 /// z proximal, as both OpenXR and Leap Motion give them).

@@ -21,10 +21,6 @@ constexpr std::array<const char*, 5> leap_names{"thumb", "index", "middle", "rin
 /// to show it [rad]: as measured in a recorded hand that has bases.
 constexpr std::array<double, 5> usual_twist{-1.38, -0.06, 0.19, 0.26, 0.49};
 
-[[noreturn]] void refuse(const std::filesystem::path& path, int line, const std::string& what) {
-    throw InputError(path.string() + ":" + std::to_string(line) + ": " + what);
-}
-
 /// Cells of a row, the last one too where it is empty.
 std::vector<std::string> split(std::string line) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
@@ -56,7 +52,7 @@ struct LeapHeader {
     std::map<std::string, int> column;
     int need(const std::string& name) const {
         const auto it = column.find(name);
-        if (it == column.end()) refuse(path, 1, "column '" + name + "' is missing");
+        if (it == column.end()) refuse_line(path, 1, "column '" + name + "' is missing");
         return it->second;
     }
     std::optional<Vector3Columns> find(const std::string& name, const std::array<const char*, 3>& suffix) const {
@@ -99,13 +95,13 @@ LeapColumns find_columns(const LeapHeader& head) {
         const std::string name = leap_names[f];
         if (finger.basis) continue;
         if (!finger.mcp || !finger.pip)
-            refuse(head.path, 1,
-                   "columns '" + name + "_distalbasis_00' to '_22' are missing, and without them '" + name +
-                       "_mcp' and '" + name + "_pip' (_x, _y, _z), from which they would follow");
+            refuse_line(head.path, 1,
+                        "columns '" + name + "_distalbasis_00' to '_22' are missing, and without them '" + name +
+                            "_mcp' and '" + name + "_pip' (_x, _y, _z), from which they would follow");
         if (!(c.palm_normal && c.direction) && !(c.palm && c.fingers[1].mcp && c.fingers[4].mcp))
-            refuse(head.path, 1,
-                   "bones without bases need the palm: columns 'palmN' and 'dir', or 'palm', 'index_mcp' and "
-                   "'pinky_mcp' (_x, _y, _z)");
+            refuse_line(head.path, 1,
+                        "bones without bases need the palm: columns 'palmN' and 'dir', or 'palm', 'index_mcp' and "
+                        "'pinky_mcp' (_x, _y, _z)");
     }
     return c;
 }
@@ -120,7 +116,7 @@ struct LeapRow {
         char* end = nullptr;
         const double x = std::strtod(cell.c_str(), &end);
         if (cell.empty() || *end || !std::isfinite(x))
-            refuse(path, number, "expected a number in cell " + std::to_string(c + 1) + ", found '" + cell + "'");
+            refuse_line(path, number, "expected a number in cell " + std::to_string(c + 1) + ", found '" + cell + "'");
         return x;
     }
     Vector3d vector(const Vector3Columns& c) const { return {value(c[0]), value(c[1]), value(c[2])}; }
@@ -163,27 +159,27 @@ Matrix3d basis_from_joints(const std::array<Vector3d, 4>& joints, const Palm& pa
 HandRecording read_leap_csv(const std::filesystem::path& path, const std::string& hand) {
     std::ifstream in(path);
     std::string line;
-    if (!std::getline(in, line)) refuse(path, 1, "the file is empty");
+    if (!std::getline(in, line)) refuse_line(path, 1, "the file is empty");
     LeapHeader head{path, {}};
     const auto names = split(line);
     for (std::size_t i = 0; i < names.size(); ++i)
         if (!head.column.try_emplace(names[i], int(i)).second)
-            refuse(path, 1, "two columns are called '" + names[i] + "'");
+            refuse_line(path, 1, "two columns are called '" + names[i] + "'");
     const LeapColumns c = find_columns(head);
     const bool right = hand == "right";
     std::array<double, 5> twist = usual_twist;
     for (double& t : twist) t *= right ? 1 : -1;
     HandRecording recording;
-    const Matrix3d up = upright(true);
+    const Matrix3d up = to_z_up(true);
     double first_time = 0;
     bool started = false;
     for (int number = 2; std::getline(in, line); ++number) {
         const LeapRow row{path, number, split(line)};
         if (row.cells.size() == 1 && row.cells[0].empty()) continue;
         if (row.cells.size() != names.size())
-            refuse(path, number,
-                   "expected " + std::to_string(names.size()) + " cells, found " + std::to_string(row.cells.size()) +
-                       " (truncated?)");
+            refuse_line(path, number,
+                        "expected " + std::to_string(names.size()) + " cells, found " +
+                            std::to_string(row.cells.size()) + " (truncated?)");
         const double time = 1e-6 * row.value(c.time);
         if (!started) first_time = time, started = true;
         if (row.cells[std::size_t(c.hand)] != hand) continue;

@@ -53,7 +53,7 @@ std::string read_hands(const json& frame, std::array<HandFrame, 2>& hands) {
     const auto all = frame.find("hands"), pointables = frame.find("pointables");
     if (all == frame.end() || !all->is_array() || pointables == frame.end() || !pointables->is_array())
         return "a frame without \"hands\" and \"pointables\"";
-    const Eigen::Matrix3d up = upright(true);
+    const Eigen::Matrix3d up = to_z_up(true);
     for (const json& hand : *all) {
         if (!hand.is_object() || !hand.contains("id") || !hand["id"].is_number() || !hand.contains("type"))
             return "hands: expected \"id\" and \"type\"";
@@ -152,7 +152,7 @@ nlohmann::json ultraleap_frame(std::int64_t id, double time, const std::array<co
                {"currentFrameRate", 0},
                {"hands", json::array()},
                {"pointables", json::array()}};
-    const Eigen::Matrix3d down = upright(true).transpose();
+    const Eigen::Matrix3d down = to_z_up(true).transpose();
     auto list = [](const Eigen::Vector3d& v) { return json{v.x(), v.y(), v.z()}; };
     for (int side : {0, 1}) {
         const HandFrame* hand = hands[std::size_t(side)];

@@ -1,7 +1,6 @@
 // Every device kind: derivatives, workspace, bad geometry. The numbers of chinello-3rrs were computed
 // independently with 40 digits.
 
-#include <numbers>
 #include <random>
 
 #include "devices/device.h"
@@ -10,8 +9,6 @@
 
 namespace palpate {
 namespace {
-
-constexpr double degree = std::numbers::pi / 180;
 
 class EveryKind : public ::testing::TestWithParam<std::string> {
   protected:

@@ -1,7 +1,6 @@
 // Contact surface matching: distances, objective, the three methods, hostile problems.
 
 #include <algorithm>
-#include <numbers>
 #include <random>
 
 #include "devices/matching/least_squares.h"
@@ -11,7 +10,6 @@
 namespace palpate {
 namespace {
 
-constexpr double degree = std::numbers::pi / 180;
 using Eigen::Vector3d;
 
 DeviceModel device() { return find_kind("chinello-3rrs")->defaults(); }

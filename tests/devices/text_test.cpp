@@ -81,11 +81,11 @@ void must(Call call) {
     EXPECT_FALSE(problem) << problem.text;
 }
 
-struct Bench {
+struct TextBench {
     SketchBoard board;
     std::unique_ptr<BoardLink> link;
     std::array<WireValue, max_channels> positions{};
-    explicit Bench(double speed_us_per_s = 600) {
+    explicit TextBench(double speed_us_per_s = 600) {
         link = make_text_link({board.port, {0, 1, 2}, speed_us_per_s, true, 30});
         EXPECT_EQ(link->open(positions), "");
     }
@@ -102,7 +102,7 @@ struct Bench {
 };
 
 TEST(TextBoard, ServosFollowWithinTheBoardsOwnLimit) {
-    Bench bench;
+    TextBench bench;
     EXPECT_EQ(bench.positions[0], no_pulse) << "a servo without pulses is anywhere";
     EXPECT_EQ(bench.board.pulse(3), 0) << "nothing moves before it is armed";
     bench.arm();
@@ -126,7 +126,7 @@ TEST(TextBoard, ServosFollowWithinTheBoardsOwnLimit) {
 }
 
 TEST(TextBoard, SilenceSendsServosHomeAndIsSeen) {
-    Bench bench;
+    TextBench bench;
     bench.arm();
     bench.set(1, 1500);
     bench.board.pass(190);

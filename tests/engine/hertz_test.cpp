@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-constexpr double young = 30e3, poisson = 0.3, contact_radius = 1e-3, sphere_radius = 0.1;
+constexpr double block_young = 30e3, block_poisson = 0.3, contact_radius = 1e-3, sphere_radius = 0.1;
 
 /// Distance from the middle after `cells` cells: equal ones up to the contact's rim, growing ones beyond.
 double graded(double cells, int fine) {
@@ -50,7 +50,7 @@ struct Indentation {
 Indentation indent(int fine) {
     const TetMesh mesh = half_space(fine);
     auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
-                                             {.limits = false, .young = young, .poisson = poisson});
+                                             {.limits = false, .young = block_young, .poisson = block_poisson});
     press_sphere(chunk);
     Indentation out{chunk.status[0].contact_force_N, 0, 0, 0};
     const double h = contact_radius / fine;
@@ -68,17 +68,17 @@ Indentation indent(int fine) {
 /// What theory says for a half-space: the force at which the sphere's top has come `depth` nearer to the point of the
 /// axis at `level`, which itself moves as under a point load.
 double force_of(double depth, double level) {
-    const double modulus = young / (1 - poisson * poisson);
+    const double modulus = block_young / (1 - block_poisson * block_poisson);
     double force = 0;
     for (int i = 0; i < 100; ++i) {
-        const double carried = force * (1 + poisson) * (3 - 2 * poisson) / (2 * M_PI * young * level);
+        const double carried = force * (1 + block_poisson) * (3 - 2 * block_poisson) / (2 * M_PI * block_young * level);
         force = 4.0 / 3 * modulus * std::sqrt(sphere_radius) * std::pow(depth + carried, 1.5);
     }
     return force;
 }
 
 TEST(Hertz, SphereOnADeepBlock) {
-    const double modulus = young / (1 - poisson * poisson);
+    const double modulus = block_young / (1 - block_poisson * block_poisson);
     double last_force = 1, last_pressure = 1;
     for (int fine : {2, 3, 4}) {
         const Indentation found = indent(fine);
@@ -106,7 +106,7 @@ TetMesh moved_half_space(int fine, double along_x, double along_y) {
 /// The pad of a block as the world would have it: pressed forces at nodes, gaps beside them.
 ContactSurface surface_of(const TetMesh& mesh, const SkinChunk<double>& chunk) {
     ContactSurface c;
-    c.modulus = young / (1 - poisson * poisson);
+    c.modulus = block_young / (1 - block_poisson * block_poisson);
     const std::vector<double> area = nodal_areas(mesh);
     std::vector<int> sample(mesh.nodes.size(), -1);
     for (int node : mesh.pad_nodes) {
@@ -135,12 +135,12 @@ struct AreaErrors {
 AreaErrors areas(int fine) {
     AreaErrors out;
     constexpr int count = 6;
-    const double modulus = young / (1 - poisson * poisson);
+    const double modulus = block_young / (1 - block_poisson * block_poisson);
     for (int k = 0; k < count; ++k) {
         const double x = 0.5 * k / (count - 1), y = 0.31 * k / (count - 1);  // from on a node to between nodes
         const TetMesh mesh = moved_half_space(fine, x, y);
         auto chunk = testing::make_chunk<double>(mesh, Pose<double>::identity(),
-                                                 {.limits = false, .young = young, .poisson = poisson});
+                                                 {.limits = false, .young = block_young, .poisson = block_poisson});
         press_sphere(chunk);
         const double force = chunk.status[0].contact_force_N;
         const double circle = M_PI * std::pow(0.75 * force * sphere_radius / modulus, 2.0 / 3);

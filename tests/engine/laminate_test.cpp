@@ -4,18 +4,20 @@
 #include <map>
 #include <set>
 
-#include "engine/skin/solve/evaluate.h"
 #include "engine/skin/tissue/laminate.h"
 #include "engine/step.h"
 #include "meshes/layers.h"
 #include "meshes/patches.h"
+#include "tests/engine/tissue.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
 using testing::block_mesh;
+using testing::evaluate_tissue;
 using testing::make_chunk;
+using testing::scramble;
 
 /// A block whose elements have membranes alone (their own tissue is a millionth of it), with normals of all directions.
 SkinChunk<double> membranes(const TetMesh& mesh, double young, const Pose<double>& pose = Pose<double>::identity(),
@@ -35,14 +37,6 @@ SkinChunk<double> membranes(const TetMesh& mesh, double young, const Pose<double
     return c;
 }
 
-Evaluation<double> evaluate_tissue(SkinChunk<double>& c, double exactness) {
-    Evaluation<double> out;
-    std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
-    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
-    detail::add_tissue<detail::Want::forces_and_matrix>(c, exactness, out);
-    return out;
-}
-
 std::vector<double> gradient_of(const SkinChunk<double>& c) {
     return {c.scratch.gradient.begin(), c.scratch.gradient.begin() + 3 * c.topology->node_count};
 }
@@ -58,12 +52,6 @@ std::vector<double> matrix_of(const SkinChunk<double>& c) {
                     c.scratch.blocks[9 * std::size_t(p.block) + 3 * i + j];
             }
     return matrix;
-}
-
-void scramble(SkinChunk<double>& c, unsigned seed, double by) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> u(-by, by);
-    for (double& x : c.state.position) x += u(random);
 }
 
 /// A block whose skin's elements share their stretch in patches; the others have membranes of their own.

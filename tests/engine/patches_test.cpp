@@ -1,9 +1,9 @@
 // Elements that share one change of volume: what they must keep, and what they are for.
 
 #include "meshes/patches.h"
-#include "engine/skin/solve/evaluate.h"
 #include "engine/skin/solve/kernels.h"
 #include "engine/step.h"
+#include "tests/engine/tissue.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -11,27 +11,15 @@ namespace {
 
 using testing::block_mesh;
 using testing::ChunkOptions;
+using testing::evaluate_tissue;
 using testing::make_chunk;
+using testing::scramble;
 
 TetMesh patched_block(int nx, int ny, int nz, int size = 5, bool limited = false) {
     TetMesh mesh = block_mesh(nx, ny, nz, 0.004);
     make_patches(mesh, size);
     if (limited) make_limit_patches(mesh, 1000, size);
     return mesh;
-}
-
-Evaluation<double> evaluate_tissue(SkinChunk<double>& c, double exactness) {
-    Evaluation<double> out;
-    std::fill(c.scratch.gradient.begin(), c.scratch.gradient.end(), 0.0);
-    std::fill(c.scratch.blocks.begin(), c.scratch.blocks.end(), 0.0);
-    detail::add_tissue<detail::Want::forces_and_matrix>(c, exactness, out);
-    return out;
-}
-
-void scramble(SkinChunk<double>& c, unsigned seed, double by) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> u(-by, by);
-    for (double& x : c.state.position) x += u(random);
 }
 
 TEST(Patches, AreConnectedAndOfAboutTheSizeAskedFor) {
