@@ -1,10 +1,11 @@
 // `palpate view`: runs a scene in real time and shows it in a browser.
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <regex>
+#include <sstream>
 #include <thread>
 
 #include "meshes/input_error.h"
@@ -70,11 +71,27 @@ nlohmann::json settings_of(const Scene& scene) {
     return out;
 }
 
-/// Whether a scene or an override says itself which preset runs: comments apart, a preset or a deadline is set.
+/// Whether one of the lines sets a key, here `key = ...` or there `table.key=...`; comments apart.
+bool sets_key(const std::string& text, const std::string& key) {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+        line.resize(std::min(line.size(), line.find('#')));
+        for (std::size_t at = line.find(key); at != std::string::npos; at = line.find(key, at + 1)) {
+            const std::size_t after = line.find_first_not_of(" \t", at + key.size());
+            const bool begins =
+                at == 0 || !(std::isalnum(static_cast<unsigned char>(line[at - 1])) || line[at - 1] == '_');
+            if (begins && after != std::string::npos && line[after] == '=') return true;
+        }
+    }
+    return false;
+}
+
+/// Whether a scene or an override says itself which preset runs: a preset or a deadline is set.
 bool names_preset(const Scene& scene, const std::vector<std::string>& overrides) {
-    std::string text = std::regex_replace(read_file(scene.file), std::regex("#[^\n]*"), "");
+    std::string text = read_file(scene.file);
     for (const std::string& o : overrides) text += "\n" + o;
-    return scene.deadline > 0 || std::regex_search(text, std::regex("\\b(preset|deadline_ms|static)\\s*="));
+    if (scene.deadline > 0) return true;
+    return sets_key(text, "preset") || sets_key(text, "deadline_ms") || sets_key(text, "static");
 }
 
 /// How far from real time a run is: simulated over passed time, smoothed over about two seconds.
