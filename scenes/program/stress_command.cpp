@@ -16,11 +16,12 @@ namespace {
 
 int try_random(RandomTrials trials, bool json, const std::atomic<bool>& stop) {
     std::filesystem::create_directories(trials.folder);
-    int tried = 0, failed = 0;
+    int tried = 0, failed = 0, refused = 0;
     nlohmann::json broken = nlohmann::json::array();
     Progress progress("stress");
     try_random_scenes(trials, stop, [&](const RandomTrial& t) {
         progress.show(double(++tried) / trials.count);
+        refused += t.refused;
         if (t.violations.empty()) return;
         ++failed;
         for (const Violation& v : t.violations)
@@ -33,16 +34,18 @@ int try_random(RandomTrials trials, bool json, const std::atomic<bool>& stop) {
         std::fflush(stdout);
     });
     progress.clear();
-    if (json)
-        std::printf(
-            "%s\n",
-            nlohmann::json{
-                {"scenes", tried}, {"broke_a_law", failed}, {"first_seed", trials.first_seed}, {"violations", broken}}
-                .dump(2)
-                .c_str());
-    else
-        std::printf("%d random scenes, %d broke a law (seeds %d to %d)\n", tried, failed, trials.first_seed,
-                    trials.first_seed + std::max(tried, 1) - 1);
+    if (json) {
+        const nlohmann::json all{{"scenes", tried},
+                                 {"refused", refused},
+                                 {"broke_a_law", failed},
+                                 {"first_seed", trials.first_seed},
+                                 {"violations", broken}};
+        std::printf("%s\n", all.dump(2).c_str());
+    } else {
+        std::printf("%d random scenes, %d broke a law", tried, failed);
+        if (refused > 0) std::printf(", %d were refused: a body would begin inside a finger", refused);
+        std::printf(" (seeds %d to %d)\n", trials.first_seed, trials.first_seed + std::max(tried, 1) - 1);
+    }
     return stop ? 130 : failed ? 1 : 0;
 }
 

@@ -322,6 +322,15 @@ TEST(Stress, SaysAsJsonWhatCameOfIt) {
     EXPECT_TRUE(random["violations"].is_array() && random["violations"].empty());
 }
 
+/// A body that is drawn inside a finger has to be refused, which breaks no law and is no scene that was tried.
+TEST(Stress, ScenesThatLoadHasToRefuseAreCounted) {
+    const ScratchFolder folder;
+    const Outcome o = palpate_program("stress --random 1 --seed 300192 --json --out " + folder.path.string());
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_EQ(nlohmann::json::parse(o.out)["refused"], 1);
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path));
+}
+
 TEST(Stress, TheShortCasesPass) {
     const Outcome o = palpate_program("stress --short --case S1,S2,S3,S4,S5,S6,S6b,S7,S9,S11,S13,S14");
     EXPECT_EQ(o.code, 0) << o.out;

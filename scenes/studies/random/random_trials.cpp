@@ -118,6 +118,11 @@ bool breaks(const std::vector<Violation>& violations, const std::string& law) {
     return std::any_of(violations.begin(), violations.end(), [&](auto& v) { return v.law == law; });
 }
 
+/// Load refuses bodies that begin inside a finger (start_overlap.h), and where one has been drawn so it has to.
+bool is_refusal_of_overlap(const Violation& v) {
+    return v.law == "scenes load" && v.found.find("starts inside finger") != std::string::npos;
+}
+
 }  // namespace
 
 void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
@@ -133,6 +138,8 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
         LawBudget budget{trial.seed, comparisons_at_most};
         if (t.thorough) budget = {};
         trial.violations = judge(scene, file, templates, budget, t.time_limit);
+        trial.refused = trial.violations.size() == 1 && is_refusal_of_overlap(trial.violations.front());
+        if (trial.refused) trial.violations.clear();
         if (stop) break;
         if (trial.violations.empty()) {
             std::filesystem::remove(file);
