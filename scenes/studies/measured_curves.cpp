@@ -6,6 +6,7 @@
 #include <limits>
 #include <sstream>
 
+#include "devices/device.h"
 #include "meshes/input_error.h"
 
 namespace palpate {
