@@ -25,7 +25,8 @@ Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.ma
 /// Where a solve ended early, forces of contact may be far from what acted, and where skin has got to is no result
 /// either.
 bool unbalanced(const RigidBody& body, const BodyProgress& b) {
-    return !body.converged && norm(push(body, b) - body.contact_force) > fitted::no_result * norm(body.contact_force);
+    const Vec3<double> acted = push(body, b);
+    return !body.converged && norm(body.contact_force - acted) > fitted::no_result * norm(acted);
 }
 
 /// A contact force on a body, of what has moved by `way`.
@@ -138,7 +139,10 @@ void brake_gains(BodyWork& w) {
     for_each_lane(w, [&](const auto& c, int lane, const Island&) { add_support_of_skin(w, c, lane); });
     add_support_of_objects(w);
     for_each_gaining([&](RigidBody& body, BodyProgress& b, int) {
-        if (b.load > 0 && unbalanced(body, b)) b.supported = dot(push(body, b), b.carried) / b.load;
+        if (b.load > 0 && unbalanced(body, b)) {
+            b.supported = dot(push(body, b), b.carried) / b.load;
+            b.carried = {0, 0, 0};  // nor does it go along with what it touched
+        }
         const double excess = b.gain - std::max(0.0, b.supported);
         if (excess <= uncertainty(body, b)) return;
         const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};

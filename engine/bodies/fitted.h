@@ -52,9 +52,9 @@ inline constexpr int most_plane_steps = 40;
 inline constexpr double plane_correction = 1e-6;
 
 // --- The end of a step (end_bodies.cpp, brake_gain.cpp) ---
-/// Forces of contact that miss what really acted on a body by more than this share of themselves are no result (random
-/// scenes: bodies that turn by a right angle in one step).
-inline constexpr double no_result = 0.1;
+/// Forces of contact that miss what really acted on a body by more than so many times that are no result (random
+/// scenes: bodies that turn by a right angle in one step miss it by 100 times, grasps with few iterations by 0.3).
+inline constexpr double no_result = 1;
 /// A body falls asleep after so many steps at rest (`Bodies`).
 inline constexpr int steps_to_sleep = 20;
 
