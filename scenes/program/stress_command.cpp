@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "scenes/program/commands.h"
 #include "scenes/program/progress.h"
@@ -93,11 +94,13 @@ Action add_stress_command(const Command& program, const std::atomic<bool>& stop)
     c.option("--case", *only, "only these, for example S1,S6").comma_separated().among(names);
     auto random = std::make_shared<RandomTrials>();
     random->count = 0;
+    random->processes = std::max(1, int(std::thread::hardware_concurrency()));
     auto folder = std::make_shared<std::string>("results/random");
     auto as_found = std::make_shared<bool>(false);
     c.option("--random", random->count, "instead: this many random scenes against laws that hold in every scene")
         .range(1, 100000000);
     c.option("--seed", random->first_seed, "seed of the first random scene; the others follow");
+    c.option("--processes", random->processes, "random scenes tried at once (default: all cores)").range(1, 1024);
     c.option("--out", *folder, "folder of random scenes that break a law (default: results/random)");
     c.flag("--no-shrink", *as_found, "leave them as they are instead of making them small");
     c.flag("--thorough", random->thorough,

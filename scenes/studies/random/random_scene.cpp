@@ -345,6 +345,47 @@ void draw_tissue(Random& r, RandomScene& s, int fingers, int elements, double dt
     }
 }
 
+bool has_table(const RandomScene& s, const char* header) {
+    return std::any_of(s.blocks.begin(), s.blocks.end(), [&](const Block& b) { return b[0] == header; });
+}
+
+/// Now and then, settings that few touch.
+void add_settings(Random& r, RandomScene& s) {
+    if (r.chance(0.1))
+        s.blocks[0].push_back(
+            line("gravity_m_per_s2 = [%.2f, %.2f, %.2f]", r.between(-6, 6), r.between(-6, 6), r.between(-15, 0)));
+    Block& solver = s.blocks[1];
+    if (r.chance(0.15)) solver.push_back(line("newton_iterations = %d", r.integer(1, 4)));
+    if (r.chance(0.1)) solver.push_back(line("contact_iterations = %d", r.integer(0, 4)));
+    if (r.chance(0.15)) solver.push_back(line("stiffness_steps = %d", r.integer(1, 20)));
+    if (r.chance(0.1)) solver.push_back(line("steadying_iterations = %d", r.integer(0, 8)));
+    if (r.chance(0.1)) solver.push_back(line("recovery_speed_mm_per_s = %.1f", r.log_between(5, 500)));
+    if (r.chance(0.25) && !has_table(s, "[coupling]")) {
+        Block coupling{"[coupling]"};
+        if (r.chance(0.7)) coupling.push_back(line("stiffness_N_per_mm = %.3f", r.log_between(0.1, 300)));
+        if (r.chance(0.3)) coupling.push_back(line("damping_Ns_per_m = %.3f", r.log_between(0.1, 50)));
+        if (r.chance(0.3)) coupling.push_back(line("angular_stiffness_Nm_per_rad = %.4f", r.log_between(0.05, 30)));
+        if (r.chance(0.2)) coupling.push_back(line("max_speed_m_per_s = %.3f", r.log_between(0.05, 5)));
+        if (r.chance(0.2)) coupling.push_back(line("max_force_N = %.3f", r.log_between(1, 100)));
+        s.blocks.push_back(coupling);
+    }
+    if (r.chance(0.05) && !has_table(s, "[contact]")) s.blocks.push_back({"[contact]", "fingers = false"});
+}
+
+/// Objects that stand anywhere, turned: bodies about the vertical, what is fixed in every direction.
+void turn_objects(Random& r, RandomScene& s) {
+    for (Block& b : s.blocks) {
+        const auto has = [&](const char* key) {
+            return std::any_of(b.begin(), b.end(), [&](const std::string& l) { return l.rfind(key, 0) == 0; });
+        };
+        if (b[0] != "[[object]]" || has("kind = \"plane\"") || has("rotation_deg") || has("track")) continue;
+        if (!r.chance(0.4)) continue;
+        const double tilt = has("mass_g") || has("soft") ? 0 : 20;
+        b.push_back(line("rotation_deg = [%.2f, %.2f, %.2f]", r.between(-tilt, tilt), r.between(-tilt, tilt),
+                         r.between(-180, 180)));
+    }
+}
+
 }  // namespace
 
 RandomScene random_scene_fingers(bool other, bool uniform) {
@@ -376,21 +417,23 @@ RandomScene random_scene(unsigned seed) {
     RandomScene s;
     const double steps_ms[] = {0.5, 1, 2, 5, 10, 20};
     const double dt_ms = steps_ms[r.integer(0, 5)];
-    const int fingers = r.chance(0.5) ? 1 : r.integer(2, r.chance(0.2) ? 10 : 5);
-    s.blocks.push_back({line("dt_ms = %g", dt_ms), line("duration_s = %g", 1e-3 * dt_ms * r.integer(30, 60))});
+    const bool brief = is_short_scene(seed);
+    const int fingers = r.chance(0.5) ? 1 : r.integer(2, r.chance(0.2) ? (brief ? 6 : 10) : (brief ? 3 : 5));
+    const int steps = brief ? r.integer(8, 18) : r.integer(30, 60);
+    s.blocks.push_back({line("dt_ms = %g", dt_ms), line("duration_s = %g", 1e-3 * dt_ms * steps)});
     Block solver{"[solver]",
                  line("preset = \"%s\"", r.one_of({"fast", "balanced", "accurate", "reference", "reference"}))};
     if (r.chance(0.35)) solver.emplace_back("precision = \"float\"");
     if (r.chance(0.2)) solver.emplace_back("detail = \"auto\"");
     if (r.chance(0.15)) solver.emplace_back("sample_refinement = 2");
     s.blocks.push_back(solver);
-    const bool uniform = seed < first_seed_of_conforming;
+    const bool uniform = seed < first_seed_of_conforming || (brief && seed % 3 == 0);
     if (uniform) s.blocks.push_back(plain_meshes);
     if (r.chance(0.6))
         s.blocks.push_back(
             {"[limits]", line("low = %.3f", r.between(0.5, 0.9)), line("high = %.3f", r.between(1.1, 1.6))});
     const int size = (uniform ? random_scene_elements : random_scene_conforming_elements)[r.integer(0, 2)];
-    const double kind = r.between(0, 1), dt = 1e-3 * dt_ms;
+    const double kind = r.between(0, 1), dt = (brief ? 0.5e-3 : 1e-3) * dt_ms;
     // Every tenth is of fingers alone, every tenth of other fingers and things, every twentieth of tissue.
     if (seed % 10 == 9)
         draw_pinch(r, s, fingers, size, dt);
@@ -406,6 +449,7 @@ RandomScene random_scene(unsigned seed) {
         draw_pile(r, s, std::min(fingers, 3), size, dt);
     else
         draw_drop(r, s, fingers, size);
+    if (brief) add_settings(r, s), turn_objects(r, s);
     return s;
 }
 

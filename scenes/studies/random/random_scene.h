@@ -18,6 +18,10 @@ inline constexpr const char* random_mesh_file = "random-thing.obj";
 inline constexpr int random_scene_elements[] = {120, 180, 250}, random_scene_conforming_elements[] = {250, 300, 350};
 /// Seeds from here on are of fingers of which nothing is said; those below stay as they were when that meant uniform.
 inline constexpr unsigned first_seed_of_conforming = 100'000;
+/// Seeds from here on are short: a third of the steps, in which all moves twice as far, and fewer fingers; now and then
+/// with settings that few touch, and turned objects.
+inline constexpr unsigned first_seed_of_short = 1'000'000;
+inline bool is_short_scene(unsigned seed) { return seed >= first_seed_of_short; }
 
 /// The same scene for the same seed, on every machine.
 RandomScene random_scene(unsigned seed);
@@ -26,6 +30,10 @@ RandomScene random_scene(unsigned seed);
 /// presets and conforming ones, too, which the seeds need that has_other_fingers says.
 RandomScene random_scene_fingers(bool other, bool uniform);
 inline bool has_other_fingers(unsigned seed) { return seed % 10 == 4; }
+/// Whether scenes from a seed on have uniform fingers, or conforming ones: short ones have either.
+inline bool has_fingers(unsigned seed, bool uniform) {
+    return is_short_scene(seed) || uniform == (seed < first_seed_of_conforming);
+}
 
 /// Text of a scene file.
 std::string to_text(const RandomScene& scene);

@@ -7,8 +7,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstring>
+#include <deque>
 #include <fstream>
 
 #include "meshes/input_error.h"
@@ -20,8 +22,9 @@ namespace palpate {
 namespace {
 
 /// Newton iterations of other runs of a scene, after which it is compared with no more of them: most scenes are through
-/// with all by then; the few that take ten times as long are not the ones that find ten times as much.
-constexpr double comparisons_at_most = 3000;
+/// with all by then; the few that take ten times as long are not the ones that find ten times as much. Of short ones
+/// another thousand is as cheap as all comparisons of one.
+double comparisons_at_most(unsigned seed) { return is_short_scene(seed) ? 300 : 3000; }
 
 /// In the child: one line "law\tfound" per violation.
 [[noreturn]] void report_and_leave(const std::filesystem::path& file, FingerTemplates& templates,
@@ -41,21 +44,6 @@ constexpr double comparisons_at_most = 3000;
     _exit(0);
 }
 
-/// Reads until the end or the deadline; false where it came first.
-bool read_all(int in, double seconds, std::string& text) {
-    const auto start = std::chrono::steady_clock::now();
-    char buffer[4096];
-    while (true) {
-        const double left = seconds - std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        pollfd p{in, POLLIN, 0};
-        if (left <= 0 || (::poll(&p, 1, int(1e3 * left) + 1) == 0)) return false;
-        const ssize_t n = ::read(in, buffer, sizeof buffer);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) return true;
-        text.append(buffer, std::size_t(n));
-    }
-}
-
 std::vector<Violation> parse(const std::string& text) {
     std::vector<Violation> all;
     for (std::size_t begin = 0; begin < text.size();) {
@@ -73,43 +61,89 @@ void limit_processor_time(double seconds) {
     ::setrlimit(RLIMIT_CPU, &limit);
 }
 
-/// The laws that a scene breaks, found out in a process of its own. No thread has been started before it is forked.
-std::vector<Violation> judge(const RandomScene& scene, const std::filesystem::path& file, FingerTemplates& templates,
-                             const LawBudget& budget, double time_limit) {
-    std::ofstream(file) << to_text(scene);
-    if (!scene.mesh.empty()) std::ofstream(file.parent_path() / random_mesh_file) << scene.mesh;
+/// A scene that is held against the laws in a process of its own, in a folder of its own.
+struct Judging {
+    std::filesystem::path folder;
+    pid_t child = -1;
+    int in = -1;  ///< what it writes; -1: it has ended
+    std::chrono::steady_clock::time_point deadline;
+    double time_limit = 0;
+    std::string text;
+    std::vector<Violation> found;  ///< once it has ended
+};
+
+std::filesystem::path scene_in(const std::filesystem::path& folder) { return folder / "scene.toml"; }
+
+/// Begins in a process of its own. No thread has been started before it is forked.
+Judging begin_judging(const RandomScene& scene, const std::filesystem::path& folder, FingerTemplates& templates,
+                      const LawBudget& budget, double time_limit) {
+    std::filesystem::create_directories(folder);
+    std::ofstream(scene_in(folder)) << to_text(scene);
+    if (!scene.mesh.empty()) std::ofstream(folder / random_mesh_file) << scene.mesh;
     int ends[2];
     if (::pipe(ends) != 0) throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
-    const pid_t child = ::fork();
-    if (child < 0) throw std::runtime_error(std::string("fork: ") + std::strerror(errno));
-    if (child == 0) {
+    Judging j{folder, ::fork(), ends[0], {}, time_limit, {}, {}};
+    if (j.child < 0) throw std::runtime_error(std::string("fork: ") + std::strerror(errno));
+    if (j.child == 0) {
         ::close(ends[0]);
         limit_processor_time(time_limit);
-        report_and_leave(file, templates, budget, ends[1]);
+        report_and_leave(scene_in(folder), templates, budget, ends[1]);
     }
     ::close(ends[1]);
-    std::string text;
-    const bool closed = read_all(ends[0], 10 * time_limit, text);
-    ::close(ends[0]);
-    if (!closed) ::kill(child, SIGKILL);
+    j.deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10 * std::int64_t(std::ceil(time_limit)));
+    return j;
+}
+
+/// Its process has ended, or is ended now: what it has found.
+void end_judging(Judging& j, bool closed) {
+    ::close(j.in);
+    j.in = -1;
+    if (!closed) ::kill(j.child, SIGKILL);
     int status = 0;
-    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {}
-    std::vector<Violation> all = parse(text);
+    while (::waitpid(j.child, &status, 0) < 0 && errno == EINTR) {}
+    std::filesystem::remove_all(j.folder);
+    j.found = parse(j.text);
     const bool ended = closed && !(WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU);
     if (!ended)
-        all.push_back({"every step ends", "no end within " + std::to_string(int(time_limit)) + " s of processor time" +
-                                              (closed ? "" : ", nor within ten times that by the clock")});
+        j.found.push_back({"every step ends", "no end within " + std::to_string(int(j.time_limit)) +
+                                                  " s of processor time" +
+                                                  (closed ? "" : ", nor within ten times that by the clock")});
     if (ended && WIFSIGNALED(status))
-        all.push_back({"nothing crashes", std::string("ended by ") + strsignal(WTERMSIG(status))});
-    return all;
+        j.found.push_back({"nothing crashes", std::string("ended by ") + strsignal(WTERMSIG(status))});
+}
+
+/// Waits until one of them, which have not all ended, writes, ends, or takes too long.
+void wait_for_any(std::vector<Judging*> all) {
+    std::erase_if(all, [](const Judging* j) { return j->in < 0; });
+    std::vector<pollfd> ends;
+    auto deadline = std::chrono::steady_clock::time_point::max();
+    for (const Judging* j : all) ends.push_back({j->in, POLLIN, 0}), deadline = std::min(deadline, j->deadline);
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+    ::poll(ends.data(), ends.size(), int(std::max<std::int64_t>(0, left.count())));
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        Judging& j = *all[i];
+        if (ends[i].revents == 0) {
+            if (std::chrono::steady_clock::now() >= j.deadline) end_judging(j, false);
+            continue;
+        }
+        char buffer[4096];
+        const ssize_t n = ::read(j.in, buffer, sizeof buffer);
+        if (n > 0) j.text.append(buffer, std::size_t(n));
+        if (n == 0 || (n < 0 && errno != EINTR)) end_judging(j, true);
+    }
 }
 
 /// Meshes that random scenes are made of: built once, processes inherit them.
-FingerTemplates random_scene_meshes(const std::filesystem::path& folder, bool other, bool uniform) {
+FingerTemplates random_scene_meshes(const RandomTrials& t) {
     FingerTemplates templates;
-    const std::filesystem::path file = folder / "random-fingers.toml";
-    std::ofstream(file) << to_text(random_scene_fingers(other, uniform));
-    load_scene(file, {}, &templates);
+    bool other = false;
+    for (int k = 0; k < std::min(t.count, 10); ++k) other |= has_other_fingers(unsigned(t.first_seed + k));
+    const std::filesystem::path file = t.folder / "random-fingers.toml";
+    for (const bool uniform : {true, false}) {
+        if (!has_fingers(unsigned(t.first_seed), uniform)) continue;
+        std::ofstream(file) << to_text(random_scene_fingers(other, uniform));
+        load_scene(file, {}, &templates);
+    }
     std::filesystem::remove(file);
     return templates;
 }
@@ -123,48 +157,64 @@ bool is_refusal_of_overlap(const Violation& v) {
     return v.law == "scenes load" && v.found.find("starts inside finger") != std::string::npos;
 }
 
+/// Makes a scene small that breaks a law, and writes it beside the others: random-SEED.toml, and its mesh.
+void keep(RandomTrial& trial, RandomScene scene, const RandomTrials& t, FingerTemplates& templates,
+          const std::atomic<bool>& stop) {
+    const std::string name = "random-" + std::to_string(trial.seed), law = trial.violations.front().law;
+    const auto breaks_it = [&](const RandomScene& smaller) {
+        if (stop) return false;
+        Judging j = begin_judging(smaller, t.folder / (name + ".smaller"), templates, {}, t.time_limit);
+        while (j.in >= 0) wait_for_any({&j});
+        return breaks(j.found, law);
+    };
+    if (t.shrink) scene = shrink_scene(scene, breaks_it);
+    if (!scene.mesh.empty()) {
+        std::ofstream(t.folder / (name + ".obj")) << scene.mesh;
+        for (auto& block : scene.blocks)
+            for (std::string& l : block)
+                if (const auto at = l.find(random_mesh_file); at != std::string::npos)
+                    l.replace(at, std::strlen(random_mesh_file), name + ".obj");
+    }
+    trial.file = t.folder / (name + ".toml");
+    std::ofstream(trial.file) << "# seed " << trial.seed << ": " << law << "\n# " << trial.violations.front().found
+                              << "\n"
+                              << to_text(scene);
+}
+
 }  // namespace
 
 void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
                        const std::function<void(const RandomTrial&)>& after_each) {
-    bool other = false;
-    for (int k = 0; k < std::min(t.count, 10); ++k) other |= has_other_fingers(unsigned(t.first_seed + k));
-    FingerTemplates templates = random_scene_meshes(t.folder, other, unsigned(t.first_seed) < first_seed_of_conforming);
-    for (int k = 0; k < t.count && !stop; ++k) {
-        RandomTrial trial;
-        trial.seed = unsigned(t.first_seed + k);
-        const std::filesystem::path file = t.folder / ("random-" + std::to_string(trial.seed) + ".toml");
-        RandomScene scene = random_scene(trial.seed);
-        LawBudget budget{trial.seed, comparisons_at_most};
-        if (t.thorough) budget = {};
-        trial.violations = judge(scene, file, templates, budget, t.time_limit);
+    FingerTemplates templates = random_scene_meshes(t);
+    std::deque<Judging> judged;  // in order of seeds, the first of which is told next
+    int begun = 0, told = 0;
+    const auto seed_of = [&](int k) { return unsigned(t.first_seed + k); };
+    while (told < t.count && !stop) {
+        const auto running = std::count_if(judged.begin(), judged.end(), [](auto& j) { return j.in >= 0; });
+        // One that takes long holds no process back, but for a while only: what is found is told in order.
+        if (begun < t.count && running < t.processes && int(judged.size()) < 50 * t.processes) {
+            const unsigned seed = seed_of(begun++);
+            LawBudget budget{seed, comparisons_at_most(seed)};
+            if (t.thorough) budget = {};
+            judged.push_back(begin_judging(random_scene(seed), t.folder / ("random-" + std::to_string(seed)), templates,
+                                           budget, t.time_limit));
+            continue;
+        }
+        if (judged.front().in >= 0) {
+            std::vector<Judging*> all;
+            for (Judging& j : judged) all.push_back(&j);
+            wait_for_any(all);
+            continue;
+        }
+        RandomTrial trial{seed_of(told++), std::move(judged.front().found), false, {}};
+        judged.pop_front();
         trial.refused = trial.violations.size() == 1 && is_refusal_of_overlap(trial.violations.front());
         if (trial.refused) trial.violations.clear();
-        if (stop) break;
-        if (trial.violations.empty()) {
-            std::filesystem::remove(file);
-            if (!scene.mesh.empty()) std::filesystem::remove(t.folder / random_mesh_file);
-        } else {
-            const std::string law = trial.violations.front().law;
-            if (t.shrink)
-                scene = shrink_scene(scene, [&](const RandomScene& smaller) {
-                    return !stop && breaks(judge(smaller, file, templates, {}, t.time_limit), law);
-                });
-            if (!scene.mesh.empty()) {  // beside the scene, under a name of its own
-                const std::filesystem::path mesh = file.stem().string() + ".obj";
-                std::filesystem::rename(t.folder / random_mesh_file, t.folder / mesh);
-                for (auto& block : scene.blocks)
-                    for (std::string& l : block)
-                        if (const auto at = l.find(random_mesh_file); at != std::string::npos)
-                            l.replace(at, std::strlen(random_mesh_file), mesh.string());
-            }
-            std::ofstream(file) << "# seed " << trial.seed << ": " << law << "\n# " << trial.violations.front().found
-                                << "\n"
-                                << to_text(scene);
-            trial.file = file;
-        }
+        if (!trial.violations.empty()) keep(trial, random_scene(trial.seed), t, templates, stop);
         after_each(trial);
     }
+    for (Judging& j : judged)
+        if (j.in >= 0) end_judging(j, false);
 }
 
 }  // namespace palpate

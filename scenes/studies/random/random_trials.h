@@ -21,6 +21,7 @@ struct RandomTrials {
     int count = 100;
     bool shrink = true;
     double time_limit = 120;  ///< of one scene: processor time [s]
+    int processes = 1;        ///< at once
     bool thorough = false;  ///< every scene is compared with all other runs of it; else with some, the cheaper the more
     std::filesystem::path folder = ".";  ///< of scenes that break a law: random-SEED.toml
 };
