@@ -125,7 +125,7 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
         const std::size_t i =
             (std::size_t(slot) * c.topology->sample_count() + s) * std::size_t(c.width) + std::size_t(lane);
         T &side = c.state.contact_side[i], &offset = c.state.contact_offset[i];
-        const bool touched = c.state.normal_multiplier[i] > 0 || o.fresh;
+        const bool touched = c.state.normal_multiplier[i] > 0 || offset < 0 || o.fresh;
         if (!sided && !touched) continue;
         const Vec3<double> x = origin + start_of_sample(c, s, lane);
         if (sided) {
