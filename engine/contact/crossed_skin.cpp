@@ -29,6 +29,12 @@ double travel(const SkinChunk<T>& c, int lane, const LaneContact& o) {
     return norm(way - (o.pose.position - o.start.position));
 }
 
+/// Of what a finger may be on both sides of, where it began so or came through: its rest touches as if nothing were [m].
+double thickness(const Shape& shape) {
+    if (shape.kind == ShapeKind::box) return 2 * std::min({shape.size.x, shape.size.y, shape.size.z});
+    return shape.kind == ShapeKind::cylinder ? 2 * shape.size.y : HUGE_VAL;
+}
+
 /// How far a point on a box or a cylinder is from the nearest of its edges [m].
 double distance_to_edge(const Shape& shape, const Vec3<double>& x) {
     if (shape.kind == ShapeKind::cylinder) {
@@ -49,6 +55,7 @@ bool may_be_behind(const SkinChunk<T>& c, int lane, int slot, const ContactSurfa
     if (travel(c, lane, o) > fast * edge) return true;
     if (o.shape.kind == ShapeKind::mesh) return false;
     if (o.shape.kind != ShapeKind::box && o.shape.size.x < narrow * edge) return true;
+    if (thickness(o.shape) < edge) return true;
     bool touched = false;
     for (std::size_t s = 0; s < c.topology->samples.size(); ++s) {
         if (!touches(c, lane, slot, s)) continue;
@@ -105,7 +112,7 @@ bool in_tissue(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
 /// is pressed in stands up beside what presses, the object behind that wall is outside again.
 template <class T>
 bool is_behind(const SkinChunk<T>& c, int lane, const LaneContact& o, const ContactSurface& surface, std::size_t s) {
-    constexpr double straight = 0.7;
+    constexpr double straight = 0.6;
     const Vec3<double> x = transform(surface.bone, surface.position[s]);
     const SurfacePoint<double> near = surface_point(o.shape, o.pose, x);
     if (near.distance > within || near.distance < -1e-4) return false;
