@@ -35,20 +35,21 @@ double travel_of(const SkinChunk<T>& c, int lane, const SolverSettings& solver) 
 struct FacePoint {
     Vec3<double> weight;  ///< barycentric
     Vec3<double> point;
-    bool inside;  ///< not on an edge
+    bool inside;      ///< not on an edge
+    int corner = -1;  ///< the corner that it is; -1: none
 };
 
 /// The point of a triangle nearest to x (Ericson, Real-Time Collision Detection, 5.1.5).
 FacePoint nearest_on_face(const Vec3<double>& x, const Vec3<double>& a, const Vec3<double>& b, const Vec3<double>& c) {
-    auto at = [&](double u, double v, double w, bool inside) {
-        return FacePoint{{u, v, w}, u * a + v * b + w * c, inside};
+    auto at = [&](double u, double v, double w, bool inside, int corner = -1) {
+        return FacePoint{{u, v, w}, u * a + v * b + w * c, inside, corner};
     };
     const Vec3<double> ab = b - a, ac = c - a, ax = x - a, bx = x - b, cx = x - c;
     const double d1 = dot(ab, ax), d2 = dot(ac, ax), d3 = dot(ab, bx), d4 = dot(ac, bx), d5 = dot(ab, cx),
                  d6 = dot(ac, cx);
-    if (d1 <= 0 && d2 <= 0) return at(1, 0, 0, false);
-    if (d3 >= 0 && d4 <= d3) return at(0, 1, 0, false);
-    if (d6 >= 0 && d5 <= d6) return at(0, 0, 1, false);
+    if (d1 <= 0 && d2 <= 0) return at(1, 0, 0, false, 0);
+    if (d3 >= 0 && d4 <= d3) return at(0, 1, 0, false, 1);
+    if (d6 >= 0 && d5 <= d6) return at(0, 0, 1, false, 2);
     const double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
     if (vc <= 0 && d1 >= 0 && d3 <= 0) return at(1 - d1 / (d1 - d3), d1 / (d1 - d3), 0, false);
     if (vb <= 0 && d2 >= 0 && d6 <= 0) return at(1 - d2 / (d2 - d6), 0, d2 / (d2 - d6), false);
@@ -57,7 +58,7 @@ FacePoint nearest_on_face(const Vec3<double>& x, const Vec3<double>& a, const Ve
         return at(0, 1 - t, t, false);
     }
     const double sum = va + vb + vc;
-    if (!(sum > 0)) return at(1, 0, 0, false);
+    if (!(sum > 0)) return at(1, 0, 0, false, 0);
     return at(va / sum, vb / sum, vc / sum, true);
 }
 
@@ -104,35 +105,60 @@ Stencil stencil_of_sample(const SkinChunk<T>& c, std::size_t s) {
     return out;
 }
 
-/// The nearest face to x within `reach`; false where there is none.
+/// A face's normal, weighted by the angle at one of its corners; at an edge by 1.
+Vec3<double> weighted_normal(const std::array<Vec3<double>, 3>& at, int corner) {
+    const Vec3<double> outward = cross(at[1] - at[0], at[2] - at[0]);
+    const double area = norm(outward);
+    if (!(area > 0)) return {0, 0, 0};
+    double angle = 1;
+    if (corner >= 0) {
+        const std::size_t k = std::size_t(corner);
+        const Vec3<double> u = at[(k + 1) % 3] - at[k], v = at[(k + 2) % 3] - at[k];
+        angle = std::atan2(norm(cross(u, v)), dot(u, v));
+    }
+    return (angle / area) * outward;
+}
+
+/// The nearest face to x within `reach`; false where there is none. At an edge or a corner all faces that meet there
+/// say together which side is outside (Baerentzen and Aanaes 2005, Signed distance computation using the angle
+/// weighted pseudonormal): above the rim of a box, the side alone would say that x is inside.
 bool find_face(const SoftObject& o, const Vec3<double>& x, double reach, Stencil& stencil, Vec3<double>& normal,
                Vec3<double>& on_face) {
     double best = reach * reach;
     bool found = false, inside = false;
-    Vec3<double> across{0, 0, 1};
+    Vec3<double> own{0, 0, 0}, together{0, 0, 0};
     for (const auto& f : o.faces) {
-        const Vec3<double>&a = o.nodes[std::size_t(f[0])], &b = o.nodes[std::size_t(f[1])],
-              &c = o.nodes[std::size_t(f[2])];
+        const std::array<Vec3<double>, 3> at{o.nodes[std::size_t(f[0])], o.nodes[std::size_t(f[1])],
+                                             o.nodes[std::size_t(f[2])]};
         bool far = false;
-        const double within = std::sqrt(best);
+        const double within = (1 + 1e-6) * std::sqrt(best);
         for (int d = 0; d < 3 && !far; ++d)
-            far = std::min({a[d], b[d], c[d]}) - x[d] > within || x[d] - std::max({a[d], b[d], c[d]}) > within;
+            far = std::min({at[0][d], at[1][d], at[2][d]}) - x[d] > within ||
+                  x[d] - std::max({at[0][d], at[1][d], at[2][d]}) > within;
         if (far) continue;
-        const FacePoint p = nearest_on_face(x, a, b, c);
+        const FacePoint p = nearest_on_face(x, at[0], at[1], at[2]);
         const Vec3<double> apart = x - p.point;
-        if (!(dot(apart, apart) < best)) continue;
-        best = dot(apart, apart);
+        const double apart2 = dot(apart, apart);
+        if (apart2 >= best) {
+            // Faces that meet at the nearest point are as far, but for rounding.
+            if (found && !inside && norm(p.point - on_face) < 1e-9) together += weighted_normal(at, p.corner);
+            continue;
+        }
+        const Vec3<double> direction = weighted_normal(at, p.corner);
+        const bool same = found && !inside && norm(p.point - on_face) < 1e-9;
+        together = same ? together + direction : direction;
+        best = apart2;
         found = true, inside = p.inside;
         stencil.count = 3, stencil.node = f, stencil.weight = {p.weight.x, p.weight.y, p.weight.z};
         on_face = p.point;
-        across = cross(b - a, c - a);
+        own = direction;
     }
     if (!found) return false;
     // At an edge the way to the surface is the normal, unless it is too short to tell.
     const Vec3<double> way = x - on_face;
-    const double length = norm(way), area = norm(across);
-    normal = area > 0 ? (1 / area) * across : Vec3<double>{0, 0, 1};
-    if (!inside && length > 1e-6) normal = (dot(way, normal) < 0 ? -1 / length : 1 / length) * way;
+    const double length = norm(way), size = norm(own);
+    normal = size > 0 ? (1 / size) * own : Vec3<double>{0, 0, 1};
+    if (!inside && length > 1e-6) normal = (dot(way, together) < 0 ? -1 / length : 1 / length) * way;
     return true;
 }
 
