@@ -88,6 +88,35 @@ TEST(Soft, OnAStiffSlabAFingerTouchesAsMuchAsOnARigidOne) {
     EXPECT_NEAR(area[0], area[1], 0.05 * area[1]);
 }
 
+/// A finger whose tip reaches over the rim of a soft box, some millimetres above its side: the side alone would say
+/// that it is inside, and push. Held still, it feels the same in every step (it once felt 0.5 and 1.4 N by turns).
+TEST(Soft, WhatReachesOverTheRimIsOutside) {
+    for (const char* stiffness : {"2", "56.5"}) {
+        Simulation s = load(
+            "duration_s = 0.5\n[[object]]\nname = \"tissue\"\nkind = \"box\"\nsize_mm = [26, 56, 13]\n"
+            "soft = { young_kPa = 11.5, poisson = 0.232, elements = 424, fixed = \"bottom\" }\n"
+            "[[finger]]\nname = \"index\"\nshape = { finger = \"index\" }\ntrack = [\n"
+            "{ t_s = 0, position_mm = [1.2, 13, 19.3], rotation_deg = [-11.2, -0.4, 0] },\n"
+            "{ t_s = 0.0225, position_mm = [1.2, 13, 12.34], rotation_deg = [-11.2, -0.4, 0] },\n"
+            "{ t_s = 0.0325, position_mm = [2.66, 10.1, 12.34], rotation_deg = [-11.2, -0.4, 0] } ]\n"
+            "[coupling]\nstiffness_N_per_mm = " +
+            std::string(stiffness) + "\n");
+        double least = HUGE_VAL, most = 0, deepest = 0;
+        for (int k = 0; k < 60; ++k) {
+            advance(s);
+            for (const SoftPair& p : s.world.soft.pairs)
+                for (const SoftSample& sample : p.samples)
+                    if (sample.near) deepest = std::min(deepest, sample.gap);
+            if (k < 30) continue;
+            const double force = s.world.contact_surfaces[0].normal_force;
+            least = std::min(least, force), most = std::max(most, force);
+        }
+        EXPECT_GT(least, 0.3) << stiffness;
+        EXPECT_LT(most, 1.02 * least) << stiffness;
+        EXPECT_GT(deepest, -1e-4) << stiffness;
+    }
+}
+
 TEST(Soft, ATableSaysWhatBecameOfIt) {
     Simulation s = load(slab());
     double most = 0;
