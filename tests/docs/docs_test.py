@@ -333,6 +333,7 @@ def check_output(block, printed):
 def run(slow=False):
     """Shell lines, one after the other, in a folder that looks like the checkout; those of a page share it."""
     ran_any, python = False, python_with_numpy()
+    cache = tempfile.TemporaryDirectory()  # of meshes
     for file in readmes.readmes():
         with tempfile.TemporaryDirectory() as scratch:
             folder = pathlib.Path(scratch)
@@ -358,7 +359,7 @@ def run(slow=False):
                         continue
                     first = f"{PROGRAM.parent}:{pathlib.Path(python or '').parent}"
                     environment = dict(os.environ, PATH=f"{first}:{os.environ['PATH']}", PYTHONDONTWRITEBYTECODE="1",
-                                       XDG_CACHE_HOME=str(folder / "cache"))  # fmt: skip
+                                       XDG_CACHE_HOME=cache.name)  # fmt: skip
                     ran = subprocess.run(["bash", "-c", line], cwd=folder, env=environment, capture_output=True,
                                          text=True, stdin=subprocess.DEVNULL)  # fmt: skip
                     printed += ran.stdout
