@@ -22,13 +22,6 @@ bool gains(const BodyWork& w, const BodyProgress& b, int body) {
 /// What really acted on a body beside its weight [N].
 Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.mass * body.acceleration - b.weight; }
 
-/// Where a solve ended early, forces of contact may be far from what acted, and where skin has got to is no result
-/// either.
-bool unbalanced(const RigidBody& body, const BodyProgress& b) {
-    const Vec3<double> acted = push(body, b);
-    return !body.converged && norm(body.contact_force - acted) > fitted::no_result * norm(acted);
-}
-
 /// A contact force on a body, of what has moved by `way`.
 void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& way) {
     b.supported += dot(force, way);
@@ -68,7 +61,8 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
     for_each_body_of(w, c, lane, [&](int slot, BodyProgress& b) {
         const int row = c.contacts.at(slot, lane).body;
         if (is_plane(w, row) || !gains(w, b, row)) return;
-        const bool no_result = unbalanced(w.bodies[std::size_t(row)], b);
+        // Where skin has got to is no result either.
+        const bool no_result = misses_what_acted(w.bodies[std::size_t(row)], b, fitted::no_result);
         auto way_of_node = [&](int node) { return no_result ? bone_way(node) : node_way(node); };
         if (c.contacts.slot[std::size_t(slot)].recovers) b.gain = 0;
         for (std::size_t s = 0; s < samples_in_use<T>(c); ++s) {
@@ -105,7 +99,8 @@ void add_support_of_objects(BodyWork& w) {
                 auto give = [&](const ContactBody& to, const Vec3<double>& force, bool met, const Vec3<double>& way) {
                     if (to.body < 0) return;
                     BodyProgress& body = w.s.bodies[std::size_t(to.body)];
-                    const bool nowhere = met && unbalanced(w.bodies[std::size_t(to.body)], body);
+                    const bool nowhere =
+                        met && misses_what_acted(w.bodies[std::size_t(to.body)], body, fitted::no_result);
                     support(body, force, met ? (nowhere ? 0.0 : 0.5) * (of_a + of_b) : way);
                 };
                 give(a, -term.gradient, b.body >= 0, of_b);
@@ -116,6 +111,11 @@ void add_support_of_objects(BodyWork& w) {
 }
 
 }  // namespace
+
+bool misses_what_acted(const RigidBody& body, const BodyProgress& b, double times) {
+    const Vec3<double> acted = push(body, b);
+    return !body.converged && norm(body.contact_force - acted) > times * norm(acted);
+}
 
 void brake_gains(BodyWork& w) {
     if (!w.solver.inertia) return;
@@ -139,7 +139,7 @@ void brake_gains(BodyWork& w) {
     for_each_lane(w, [&](const auto& c, int lane, const Island&) { add_support_of_skin(w, c, lane); });
     add_support_of_objects(w);
     for_each_gaining([&](RigidBody& body, BodyProgress& b, int) {
-        if (b.load > 0 && unbalanced(body, b)) {
+        if (b.load > 0 && misses_what_acted(body, b, fitted::no_result)) {
             b.supported = dot(push(body, b), b.carried) / b.load;
             b.carried = {0, 0, 0};  // nor does it go along with what it touched
         }

@@ -240,6 +240,19 @@ void put_to_sleep(Work& w) {
         }
 }
 
+/// Forces that are no result are no load to begin the next step with, either: penalties grow with loads, and what those
+/// make of an overlap that is still there would be the next step's load.
+void forget_no_results(Work& w) {
+    auto is_none = [&](int object) {
+        const int body = w.s.objects[object].body;
+        return body >= 0 && misses_what_acted(w.bodies[body], w.s.bodies[body], fitted::no_load);
+    };
+    for (BodyPair& p : w.s.pairs)
+        if (p.a >= 0 && (is_none(p.a) || is_none(p.b)))
+            for (FeatureContact& c : p.contacts)
+                c.normal_multiplier = c.friction_radius = 0, c.tangential_multiplier = {0, 0, 0};
+}
+
 }  // namespace
 
 void end_body_step(BodyWork& w) {
@@ -249,6 +262,7 @@ void end_body_step(BodyWork& w) {
     brake_recovery(w);
     brake_gains(w);
     bounce(w);
+    forget_no_results(w);
     put_to_sleep(w);
 }
 

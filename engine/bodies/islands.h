@@ -97,6 +97,10 @@ void place_bodies(BodyWork& work, bool at_end_of_step);
 /// has converged or not, and keeps the fingers' forces as they then are.
 void balance_planes(BodyWork& work);
 
+/// Whether forces of contact on a body miss what acted on it by more than so many times that, where a solve ended
+/// early.
+bool misses_what_acted(const RigidBody& body, const BodyProgress& progress, double times);
+
 /// No contact gives a body more energy than what it belongs to has lost: takes the rest from its velocity. Where a long
 /// step takes a body past something round, the force at the end of its way lies along that way, and works.
 void brake_gains(BodyWork& work);

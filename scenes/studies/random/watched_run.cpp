@@ -22,6 +22,9 @@ std::string law_text(const char* format, ...) {
 
 namespace {
 
+/// Far beyond what hands of random scenes can do, whether a step has converged or not [m/s, N].
+constexpr double absurd_speed = 100, absurd_force = 1e7;
+
 /// A scene's world seen step by step.
 struct Watched {
     const Simulation& s;
@@ -234,7 +237,13 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
             if (found && !f.finite())
                 found->add("everything stays finite", law_text("%.4f s: %s", s.world.time, f.skin->name.c_str()));
         }
-        for (const RigidBody& b : s.world.bodies) trace.all_converged &= b.converged && !b.reset;
+        for (const RigidBody& b : s.world.bodies) {
+            trace.all_converged &= b.converged && !b.reset;
+            if (found && !(norm(b.velocity) < absurd_speed && norm(b.contact_force) < absurd_force))
+                found->add("nothing is thrown away",
+                           law_text("%.4f s: a body of %.3g g at %.3g m/s, under %.3g N", s.world.time, 1e3 * b.mass,
+                                    norm(b.velocity), norm(b.contact_force)));
+        }
         trace.force.push_back(std::move(forces));
         trace.hashes.push_back(outcome_of(s).hashes);
         if (!found) continue;
