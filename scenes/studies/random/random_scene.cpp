@@ -355,7 +355,7 @@ void add_settings(Random& r, RandomScene& s) {
         s.blocks[0].push_back(
             line("gravity_m_per_s2 = [%.2f, %.2f, %.2f]", r.between(-6, 6), r.between(-6, 6), r.between(-15, 0)));
     Block& solver = s.blocks[1];
-    if (r.chance(0.15)) solver.push_back(line("newton_iterations = %d", r.integer(1, 4)));
+    if (r.chance(0.15)) solver.push_back(line("newton_iterations = %d", r.integer(2, 4)));
     if (r.chance(0.1)) solver.push_back(line("contact_iterations = %d", r.integer(0, 4)));
     if (r.chance(0.15)) solver.push_back(line("stiffness_steps = %d", r.integer(1, 20)));
     if (r.chance(0.1)) solver.push_back(line("steadying_iterations = %d", r.integer(0, 8)));
