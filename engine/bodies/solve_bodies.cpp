@@ -230,6 +230,17 @@ void update_all(Work& w) {
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }
 
+/// Where a deep overlap has not got smaller since the last update, what bears it is jammed, and forces would grow from
+/// update to update without bound (a tower of bodies that falls in steps of 20 ms: 1e15 N): there are no more.
+void stop_where_jammed(const Work& w, Island& i) {
+    if (!i.decision.update) return;
+    const double depth = i.evaluation.penetration / w.solver.contact_tolerance;
+    const bool jammed =
+        i.evaluation.penetration > fitted::jam_depth && depth > fitted::jam_share * i.progress.last_depth;
+    i.progress.last_depth = depth;
+    if (jammed) i.decision.update = false, i.progress.active = i.decision.newton;
+}
+
 /// Stiffness that a strain limit of scale one gives the smallest, or softest, element of a lane [N/m].
 template <class T>
 double least_limit_stiffness(const SkinChunk<T>& c, int lane) {
@@ -345,6 +356,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                 continue;
             }
             island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
+            stop_where_jammed(w, island);
             detail::shorten_steps(island.progress, island.decision);
             retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;
             goes_on |= active(island);

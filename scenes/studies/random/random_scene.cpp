@@ -3,63 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scenes/studies/random/random_text.h"
+#include "scenes/studies/random/random_odd.h"
 
 namespace palpate {
 
 namespace {
 
-using Block = std::vector<std::string>;
-
-/// A solid, standing with its lowest point at z = 0, and how far it reaches [mm].
-struct Solid {
-    Block keys;
-    double width = 0, height = 0;
-};
-
-Solid random_solid(Random& r, double smallest, double largest) {
-    Solid s;
-    const std::string kind = r.one_of({"box", "box", "sphere", "cylinder", "capsule"});
-    const double radius = 0.5 * r.between(smallest, largest);
-    s.width = s.height = 2 * radius;
-    if (kind == "box") {
-        s.width = r.between(smallest, largest);
-        s.keys = {"kind = \"box\"",
-                  line("size_mm = [%.3f, %.3f, %.3f]", r.between(smallest, largest), s.width, s.height)};
-    } else if (kind == "sphere") {
-        s.keys = {"kind = \"sphere\"", line("radius_mm = %.3f", radius)};
-    } else {  // upright, so that it stands
-        const double length = r.between(smallest, largest);
-        s.height = length + (kind == "capsule" ? 2 * radius : 0);
-        s.keys = {"kind = \"" + kind + "\"", line("radius_mm = %.3f", radius), line("length_mm = %.3f", length)};
-    }
-    return s;
-}
-
-Block object(const char* name, const Block& keys, double x, double y, double z) {
-    Block b{"[[object]]", std::string("name = \"") + name + "\""};
-    b.insert(b.end(), keys.begin(), keys.end());
-    b.push_back(line("position_mm = [%.3f, %.3f, %.3f]", x, y, z));
-    return b;
-}
-
 /// Of fingers that say nothing else: what was found with a seed is found again.
 const Block plain_meshes{"[mesh]", "kind = \"uniform\"", "patch = 0"};
-
-Block finger(Random& r, const std::string& name, int elements) {
-    Block b{"[[finger]]", "name = \"" + name + "\"",
-            line("shape = { finger = \"%s\" }", r.one_of({"thumb", "index", "middle", "ring", "little"})),
-            line("elements = %d", elements)};
-    if (r.chance(0.3))
-        b.push_back(line("material = { young_kPa = %.2f, poisson = %.3f }", r.between(10, 80), r.between(0.1, 0.48)));
-    if (r.chance(0.25)) b.push_back("device = { kind = \"chinello-3rrs\" }");
-    return b;
-}
-
-std::string keyframe(double t, double x, double y, double z, double roll, double pitch) {
-    return line("    { t_s = %.4f, position_mm = [%.3f, %.3f, %.3f], rotation_deg = [%.2f, %.2f, 0] },", t, x, y, z,
-                roll, pitch);
-}
 
 /// Down onto something whose top is at `top`, aside, and up again or not. Pads lie some 7 mm below a finger's origin.
 void add_press(Random& r, Block& b, double x, double y, double top, double dt) {
@@ -75,18 +26,6 @@ void add_press(Random& r, Block& b, double x, double y, double top, double dt) {
     if (r.chance(0.3)) b.push_back(keyframe(down + 16 * dt + 0.01, x, y, above + 5, roll, pitch));
     b.emplace_back("]");
 }
-
-void add_matter(Random& r, Block& b, bool body, double friction) {
-    if (friction > 0) b.push_back(line("friction = %.3f", friction));
-    if (body) {
-        b.push_back(line("mass_g = %.3f", r.log_between(1, 500)));
-        if (r.chance(0.2)) b.push_back(line("restitution = %.2f", r.between(0, 0.9)));
-    } else if (r.chance(0.1)) {
-        b.push_back(line("stiffness_kPa_per_mm = %.2f", r.log_between(2, 500)));
-    }
-}
-
-double random_friction(Random& r) { return r.chance(0.3) ? 0 : r.between(0.1, 1.5); }
 
 /// Each finger above an object of its own, or all above one plate or plane.
 void draw_press(Random& r, RandomScene& s, int fingers, int elements, double dt) {
@@ -212,31 +151,6 @@ void draw_pinch(Random& r, RandomScene& s, int fingers, int elements, double dt)
         b.emplace_back("]");
         s.blocks.push_back(b);
     }
-}
-
-/// Fingers from files and presets, conforming, with patches, of several layers.
-Block any_finger(Random& r, const std::string& name) {
-    const std::string kind = r.one_of({"preset", "conforming", "uniform", "layers"});
-    if (kind == "uniform") return finger(r, name, random_scene_elements[r.integer(0, 2)]);
-    Block b{"[[finger]]", "name = \"" + name + "\""};
-    if (kind == "preset")
-        b.push_back(line("finger = \"%s\"", r.one_of({"index-median", "little-small"})));
-    else
-        b.emplace_back("shape = { finger = \"index\" }");
-    if (kind == "conforming") {
-        b.emplace_back("elements = 350");
-        b.emplace_back("mesh = { kind = \"conforming\", patch = 5 }");
-    } else if (kind == "layers") {
-        b.emplace_back("elements = 180");
-        b.push_back(line("layer = [ { thickness_mm = 1.6, young_kPa = %.1f, low = 0.5, high = 1.5 } ]",
-                         r.log_between(20, 400)));
-    }
-    if (r.chance(0.5))
-        b.push_back(
-            line("device = { kind = \"%s\", method = \"%s\" }",
-                 r.one_of({"chinello-3rrs", "rrs-exact", "cable-3", "serial-3dof", "shear-2dof", "serial-5dof"}),
-                 r.one_of({"constrained", "constrained", "unconstrained", "plane", "force"})));
-    return b;
 }
 
 /// A thing with its top at `top`: a mesh, a rod, a card, something that gives way or that a script moves.
@@ -435,7 +349,9 @@ RandomScene random_scene(unsigned seed) {
     const int size = (uniform ? random_scene_elements : random_scene_conforming_elements)[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = (brief ? 0.5e-3 : 1e-3) * dt_ms;
     // Every tenth is of fingers alone, every tenth of other fingers and things, every twentieth of tissue.
-    if (seed % 10 == 9)
+    if (seed >= first_seed_of_odd)
+        draw_odd(r, s, std::min(fingers, 3), dt);
+    else if (seed % 10 == 9)
         draw_pinch(r, s, fingers, size, dt);
     else if (has_other_fingers(seed))
         draw_things(r, s, std::min(fingers, 3), dt);
@@ -450,7 +366,8 @@ RandomScene random_scene(unsigned seed) {
     else
         draw_drop(r, s, fingers, size);
     if (brief) add_settings(r, s);
-    if (brief && !(kind >= 0.85 && fingers > 1)) turn_objects(r, s);  // bodies that fall side by side would overlap
+    if (brief && seed < first_seed_of_odd && !(kind >= 0.85 && fingers > 1))
+        turn_objects(r, s);  // bodies that fall side by side would overlap
     return s;
 }
 
