@@ -29,6 +29,7 @@ struct Island {
     detail::LaneProgress<double> progress;
     detail::LaneDecision<double> decision;
     double rounding = 0, contact_residual = 0, slope = 0, first_slope = 0, bad_pivots = 0;
+    int vain_updates = 0;  ///< in a row, that left the deepest overlap as it was
     bool following = false;
     bool soft = false;        ///< some lane is near a soft object
     bool slow = false;        ///< a kept matrix has led it hardly nearer to the solution (kept_matrix.h)

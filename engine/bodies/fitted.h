@@ -38,9 +38,10 @@ inline constexpr double stiffly_held = 1e4, softly_held_scale = 64;
 /// Largest penalties against inertia, as multiples of those of tissue (the same balls: no preset gains energy).
 inline constexpr double largest_scale_double = 1e5, largest_scale_float = 4e3;
 
-/// An overlap so deep [m] that an update leaves at more than this share of what it was is jammed (towers of random
-/// scenes: 4 mm, the same after five updates).
-inline constexpr double jam_depth = 5e-4, jam_share = 0.9;
+/// An overlap that updates leave at more than this share of what it was is jammed: so many of them, or one where it is
+/// deeper than so much [m] (towers of random scenes: 4 mm after five updates, 0.07 mm after 140).
+inline constexpr double jam_share = 0.9, jam_depth = 5e-4;
+inline constexpr int most_vain_updates = 3;
 
 // --- Planes between fingers (balance_planes.cpp) ---
 /// About as large as the contact of two fingers: what torques on a plane are measured by [m].

@@ -203,6 +203,7 @@ void group(BodyWork& w) {
             Island& fresh = s.islands[s.island_count];
             fresh.bodies.clear();
             fresh.progress = detail::begin_progress<double>(true);
+            fresh.vain_updates = 0;
             return s.island_count++;
         }
         return r < bodies ? s.bodies[r].island : s.lane_island[r - bodies];
