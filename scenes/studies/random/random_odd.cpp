@@ -94,7 +94,7 @@ Thing draw_on_tissue(Random& r, RandomScene& s) {
 Block from_a_side(Random& r, const std::string& name, const Thing& thing, double angle, double dt) {
     Block b = any_finger(r, name);
     const double a = angle * std::numbers::pi / 180, far = thing.reach + r.between(12, 16),
-                 near = thing.reach + 7 - r.between(0, 5), x = r.between(-4, 4);
+                 near = 0.85 * thing.reach + 7 - r.between(0, 5), x = r.between(-4, 4);
     const double roll = -angle + (r.chance(0.15) ? 180 : r.between(-30, 30)), pitch = r.between(-30, 30);
     const double close = dt * r.integer(5, 16);
     auto pose = [&](double t, double from, double aside) {
