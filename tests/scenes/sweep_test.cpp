@@ -285,8 +285,8 @@ TEST(Stress, RandomScenesBreakNoLaw) {
 TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     const ScratchFolder folder;
     for (const char* seed : {"190", "421", "1093", "1012206", "1012281", "1020712", "1030701"}) {
-        const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) +
-                                          " --out " + folder.path.string());
+        const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) + " --out " +
+                                          folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
     }
 }
