@@ -29,7 +29,8 @@ double travel(const SkinChunk<T>& c, int lane, const LaneContact& o) {
     return norm(way - (o.pose.position - o.start.position));
 }
 
-/// Of what a finger may be on both sides of, where it began so or came through: its rest touches as if nothing were [m].
+/// Of what a finger may be on both sides of, where it began so or came through: its rest touches as if nothing were
+/// [m].
 double thickness(const Shape& shape) {
     if (shape.kind == ShapeKind::box) return 2 * std::min({shape.size.x, shape.size.y, shape.size.z});
     return shape.kind == ShapeKind::cylinder ? 2 * shape.size.y : HUGE_VAL;
