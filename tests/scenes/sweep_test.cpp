@@ -305,6 +305,25 @@ TEST(Stress, WhatTakesTooMuchProcessorTimeIsAFinding) {
     });
 }
 
+/// However many are tried at once, the same is said in the same order, and nothing is left in the folder.
+TEST(Stress, RandomScenesMayBeTriedAtOnce) {
+    const ScratchFolder folder;
+    std::string said[2];
+    for (int k : {0, 1}) {
+        RandomTrials trials;
+        trials.first_seed = 1'000'000, trials.count = 12, trials.processes = k ? 5 : 1, trials.folder = folder.path;
+        const std::atomic<bool> stop = false;
+        try_random_scenes(trials, stop, [&](const RandomTrial& t) {
+            said[k] += std::to_string(t.seed) + (t.refused ? " refused" : "");
+            for (const Violation& v : t.violations) said[k] += " " + v.law + ": " + v.found;
+            said[k] += "\n";
+        });
+    }
+    EXPECT_EQ(std::count(said[0].begin(), said[0].end(), '\n'), 12);
+    EXPECT_EQ(said[0], said[1]);
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path));
+}
+
 TEST(Stress, SaysAsJsonWhatCameOfIt) {
     Outcome o = palpate_program("stress --short --case S2,S3 --json");
     EXPECT_EQ(o.code, 0) << o.out;
