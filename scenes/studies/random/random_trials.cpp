@@ -196,8 +196,8 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
             const unsigned seed = seed_of(begun++);
             LawBudget budget{seed, comparisons_at_most(seed)};
             if (t.thorough) budget = {};
-            judged.push_back(begin_judging(random_scene(seed), t.folder / ("random-" + std::to_string(seed)), templates,
-                                           budget, t.time_limit));
+            judged.push_back(begin_judging(random_scene(seed), t.folder / ("random-" + std::to_string(seed) + ".tried"),
+                                           templates, budget, t.time_limit));
             continue;
         }
         if (judged.front().in >= 0) {
