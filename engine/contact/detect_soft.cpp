@@ -218,7 +218,14 @@ void detect_soft_contacts(const Table<VirtualObject>& shapes, const Table<Skin>&
             if (const auto& given = c.rest.object_friction; !given.empty())
                 pair.friction = double(given[std::size_t(o.object * c.width + finger.lane)]);
             pair.near = find_samples(c, finger.lane, o, own, travel, pair);
-            if (pair.near) c.soft_lanes |= 1u << finger.lane, own.soft_lanes |= 1u << o.skin.lane;
+            if (!pair.near) return;
+            c.soft_lanes |= 1u << finger.lane, own.soft_lanes |= 1u << o.skin.lane;
+            // What they add to each other's matrices is not followed in kept ones: one from before is none any more.
+            auto forget = [](auto& of, int lane) {
+                auto& kept = of.state.matrix_kept[std::size_t(lane)];
+                kept = std::min(kept, decltype(kept + 0)(0));
+            };
+            forget(c, finger.lane), forget(own, o.skin.lane);
         });
     }
 }
