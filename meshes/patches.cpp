@@ -6,6 +6,8 @@
 #include <map>
 #include <set>
 
+#include <Eigen/LU>
+
 #include "meshes/input_error.h"
 
 namespace palpate {
@@ -202,6 +204,61 @@ void make_limit_patches(TetMesh& mesh, int count, int fewest) {
     mesh.limit_patches.assign(mesh.patches.size(), -1);
     for (std::size_t e = 0; e < mesh.patches.size(); ++e)
         if (mesh.patches[e] >= 0) mesh.limit_patches[e] = group[std::size_t(mesh.patches[e])];
+}
+
+void take_limit_patches(TetMesh& mesh, const TetMesh& coarse) {
+    const auto at = [](const TetMesh& m, int node) {
+        return Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(m.nodes[std::size_t(node)].data()));
+    };
+    const auto edges = [&](const TetMesh& m, std::size_t e) {
+        Eigen::Matrix3d D;
+        for (int k = 0; k < 3; ++k) D.col(k) = at(m, m.tets[e][std::size_t(k + 1)]) - at(m, m.tets[e][0]);
+        return D;
+    };
+    struct Cell {
+        Eigen::Matrix3d to_weights;
+        Eigen::Vector3d corner;
+        int patch;
+        /// Least of the barycentric weights: where it is negative, x is outside.
+        double inside(const Eigen::Vector3d& x) const {
+            const Eigen::Vector3d w = to_weights * (x - corner);
+            return std::min(w.minCoeff(), 1 - w.sum());
+        }
+    };
+    std::vector<Cell> cells;
+    for (std::size_t e = 0; e < coarse.tets.size(); ++e)
+        if (coarse.limit_patches[e] >= 0)
+            cells.push_back({edges(coarse, e).inverse(), at(coarse, coarse.tets[e][0]), coarse.limit_patches[e]});
+
+    // By volume, as a patch's elements may differ in size.
+    struct Part {
+        Eigen::Vector3d moment = Eigen::Vector3d::Zero();
+        double volume = 0;
+    };
+    const std::vector<bool> deforms = element_graph(mesh).deforms;
+    const int patch_count = mesh.patches.empty() ? 0 : 1 + *std::max_element(mesh.patches.begin(), mesh.patches.end());
+    std::map<int, Part> parts;  // by patch of volume, and after those by element
+    const auto part_of = [&](std::size_t e) {
+        return !mesh.patches.empty() && mesh.patches[e] >= 0 ? mesh.patches[e] : patch_count + int(e);
+    };
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        if (!deforms[e]) continue;
+        const Eigen::Matrix3d D = edges(mesh, e);
+        Part& p = parts[part_of(e)];
+        p.moment += D.determinant() * (at(mesh, mesh.tets[e][0]) + D.rowwise().sum() / 4);
+        p.volume += D.determinant();
+    }
+    std::map<int, int> patch;
+    for (const auto& [number, part] : parts) {
+        const Eigen::Vector3d centre = part.moment / part.volume;
+        double deepest = -HUGE_VAL;
+        for (const Cell& cell : cells)
+            if (const double inside = cell.inside(centre); inside > deepest)
+                deepest = inside, patch[number] = cell.patch;
+    }
+    mesh.limit_patches.assign(mesh.tets.size(), -1);
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+        if (deforms[e] && !cells.empty()) mesh.limit_patches[e] = patch.at(part_of(e));
 }
 
 }  // namespace palpate

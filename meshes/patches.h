@@ -13,6 +13,11 @@ void make_patches(TetMesh& mesh, int size);
 /// `fewest` elements, about `count` of them where the mesh is fine enough: sets mesh.limit_patches.
 void make_limit_patches(TetMesh& mesh, int count, int fewest);
 
+/// Limit patches of the same finger's coarser mesh, so that what saturates is the same part of it in both: each patch
+/// of volume (an element in none) is in the one of the coarser mesh's element that its centre lies in, or nearest to. A
+/// patch of the coarser mesh may be left without any.
+void take_limit_patches(TetMesh& mesh, const TetMesh& coarse);
+
 /// Groups the tetrahedra that have a face in the skin that can touch into connected, compact patches of about `size`
 /// (1 to 8): sets mesh.membrane_patches.
 void make_membrane_patches(TetMesh& mesh, int size);

@@ -20,7 +20,7 @@ struct LimitPatches {
 };
 /// With patches of volume of more than five elements, fewer: fitted with the presets, whose coarsest mesh otherwise
 /// saturates too early.
-constexpr LimitPatches limit_patches{70, 5}, larger_limit_patches{60, 6};
+constexpr LimitPatches limit_patches{70, 5}, larger_limit_patches{40, 9};
 /// Faces of skin that share one stretch. Fitted to presses of 0.3 to 2 mm with 350 to 4,000 elements.
 constexpr int membrane_patch_size = 8;
 
@@ -62,14 +62,28 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
                      [&] { return tetrahedralise(surface, {.elements = r.elements}); });
 }
 
+/// The mesh whose limit patches all finer ones of the finger have: the default finger's.
+constexpr int base_elements = 347, least_finer = 450;
+
 /// Patches of what shares its change of volume, its strain limits, its stretch along the skin; of templates once.
-void group_elements(TetMesh& mesh, const FingerMeshRequest& r) {
+/// `base` makes the finger's mesh of `base_elements`, grouped; where there is none (a scan that cannot be meshed with
+/// so few), and of meshes whose bone is not a surface, patches of limits are the mesh's own.
+template <class Base>
+void group_elements(TetMesh& mesh, const FingerMeshRequest& r, Base base) {
     if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
     if (r.patches_limited.value_or(false) && mesh.limit_patches.empty()) {
+        if (r.kind == FingerMeshRequest::Kind::conforming && r.elements >= least_finer) try {
+                take_limit_patches(mesh, base());
+            } catch (const InputError&) { mesh.limit_patches.clear(); }
         const LimitPatches wanted = r.patch > 5 ? larger_limit_patches : limit_patches;
-        make_limit_patches(mesh, wanted.count, wanted.fewest);
+        if (mesh.limit_patches.empty()) make_limit_patches(mesh, wanted.count, wanted.fewest);
     }
     if (r.patch > 0 && r.layered && mesh.membrane_patches.empty()) make_membrane_patches(mesh, membrane_patch_size);
+}
+
+FingerMeshRequest base_of(FingerMeshRequest r) {
+    r.elements = base_elements;
+    return r;
 }
 
 /// What a template is made of, in full.
@@ -104,7 +118,11 @@ TetMesh kept_or_made(const std::string& key, const FingerMeshRequest& r, const F
     Kept made;
     made.mesh = filled(r, finger_surface(shape), made.note);
     // Of all sizes alike.
-    group_elements(made.mesh, r);
+    group_elements(made.mesh, r, [&] {
+        const FingerMeshRequest base = base_of(r);
+        std::string of_base;
+        return kept_or_made(template_key(base, shape.nail_drop), base, shape, of_base);
+    });
     const std::lock_guard lock(mutex);
     if (all.size() >= 8) all.clear();
     return note += made.note, (all[key] = std::move(made)).mesh;
@@ -150,6 +168,7 @@ Surface oriented(const FingerMeshRequest& r, const Surface& surface, std::string
 
 TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
     TetMesh mesh;
+    Surface skin;  // of a scan
     if (r.source == FingerMeshRequest::Source::parametric) {
         note = "parametric finger";
         mesh = parametric(r, templates, note);
@@ -159,8 +178,8 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
     } else {
         const SurfaceFile file = read_surface(r.file, r.unit);
         note = r.file + " in " + file.unit + (file.unit_was_guessed ? " (guessed)" : "");
-        const Surface surface = oriented(r, file.surface, note);
-        mesh = filled(r, surface, note);
+        skin = oriented(r, file.surface, note);
+        mesh = filled(r, skin, note);
     }
     const bool has_bone = r.kind == FingerMeshRequest::Kind::conforming && r.source != FingerMeshRequest::Source::tets;
     if (!has_bone) mark_bone(mesh, r);
@@ -169,7 +188,14 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
         change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
     }
-    group_elements(mesh, r);
+    group_elements(mesh, r, [&] {
+        if (skin.vertices.empty()) throw InputError("a finished mesh has no other");
+        const FingerMeshRequest base = base_of(r);
+        std::string of_base;
+        TetMesh coarse = filled(base, skin, of_base);
+        group_elements(coarse, base, [&] { return coarse; });
+        return coarse;
+    });
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

@@ -18,11 +18,13 @@ namespace {
 int try_random(RandomTrials trials, bool json, const std::atomic<bool>& stop) {
     std::filesystem::create_directories(trials.folder);
     int tried = 0, failed = 0, refused = 0;
+    std::vector<unsigned> several;
     nlohmann::json broken = nlohmann::json::array();
     Progress progress("stress");
     try_random_scenes(trials, stop, [&](const RandomTrial& t) {
         progress.show(double(++tried) / trials.count);
         refused += t.refused;
+        if (t.several_answers) several.push_back(t.seed);
         if (t.violations.empty()) return;
         ++failed;
         for (const Violation& v : t.violations)
@@ -38,6 +40,7 @@ int try_random(RandomTrials trials, bool json, const std::atomic<bool>& stop) {
     if (json) {
         const nlohmann::json all{{"scenes", tried},
                                  {"refused", refused},
+                                 {"several_answers", several},
                                  {"broke_a_law", failed},
                                  {"first_seed", trials.first_seed},
                                  {"violations", broken}};
@@ -45,6 +48,9 @@ int try_random(RandomTrials trials, bool json, const std::atomic<bool>& stop) {
     } else {
         std::printf("%d random scenes, %d broke a law", tried, failed);
         if (refused > 0) std::printf(", %d were refused: a body would begin inside a finger", refused);
+        if (!several.empty()) std::printf(", %zu had more than one answer (seed", several.size());
+        for (const unsigned seed : several) std::printf(" %u", seed);
+        if (!several.empty()) std::printf(")");
         std::printf(" (seeds %d to %d)\n", trials.first_seed, trials.first_seed + std::max(tried, 1) - 1);
     }
     return stop ? 130 : failed ? 1 : 0;

@@ -5,6 +5,7 @@
 
 #include "engine/contact/contact_edge.h"
 #include "engine/step.h"
+#include "meshes/curved_skin.h"
 #include "meshes/surface.h"
 #include "scenes/trackers/trajectory.h"
 
@@ -32,13 +33,8 @@ SceneSpec plate_and_fingers(const std::vector<Indentation>& fingers, const Inden
         f.filter.reset();
         f.single_precision = false;
         f.start.rotation = from_roll_pitch_yaw(i.roll, i.angle, 0.0);
-        double lowest = 1e300;  // of the skin that can touch
-        const Mat3<double> R = rotation_matrix(f.start.rotation);
-        for (int node : f.mesh.pad_nodes) {
-            const Point& p = f.mesh.nodes[std::size_t(node)];
-            lowest = std::min(lowest, (R * Vec3<double>{p[0], p[1], p[2]}).z);
-        }
-        f.start.position = {0, 0, -lowest};
+        const Vec3<double> down = transposed_times(rotation_matrix(f.start.rotation), Vec3<double>{0, 0, -1});
+        f.start.position = {0, 0, reach_of_curved_skin(f.mesh, {down.x, down.y, down.z})};
     }
     ObjectSpec plate;
     plate.name = "plate";

@@ -15,13 +15,13 @@ struct Indentation {
     FingerSpec finger;    ///< its coupling, start pose, filter and precision are not used
     double angle = 0;     ///< between plate and finger axis [rad]: 0 = the pad lies flat, pi/2 = tip on
     double roll = 0;      ///< about the finger's axis [rad]
-    double depth = 3e-3;  ///< displacement at the end, from first touch [m]
+    double depth = 3e-3;  ///< displacement at the end, from first touch of the curved skin [m]
     std::vector<double> displacements = {};  ///< those to stop at, rising [m]; empty: equal steps to the depth
 };
 
 /// State of one finger at one displacement.
 struct IndentationPoint {
-    double displacement = 0;    ///< of the bone towards the plate from first touch [m]
+    double displacement = 0;    ///< of the bone towards the plate, from where the curved skin touches it [m]
     double force = 0;           ///< normal to the plate [N]
     double area = 0;            ///< of the contact patch [m^2]
     double hull = 0;            ///< of its convex hull, as an ink print would show it [m^2]

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 #include "scenes/studies/random/watched_run.h"
 
@@ -88,6 +89,43 @@ struct Comparisons {
     }
 };
 
+/// A scene, and what came of it.
+struct Run {
+    const Scene& scene;
+    const Trace& trace;
+};
+
+/// Whether either's forces change by half as much as they differ from the other's where its fingers begin up to a
+/// micrometre aside. Tissue without limits that is pressed on an edge gives way to one side or the other, each of them
+/// balanced, and rounding decides: by some scenes in ten thousand. It is said, but breaks no law.
+bool have_several_answers(const Run& a, const Run& b, double off, Comparisons& comparisons) {
+    constexpr double aside = 1e-6;  // [m]
+    for (int k = 0; k < 16; ++k) {
+        const Run& run = k % 2 ? b : a;
+        Scene other = run.scene;
+        const double turn = 0.125 * std::numbers::pi * k, by = aside * std::pow(0.5, k % 4);
+        const Vec3<double> shift{by * std::cos(turn), by * std::sin(turn), by / 3};
+        for (FingerSpec& f : other.spec.fingers) f.start.position = f.start.position + shift;
+        for (auto& m : other.finger_motions)
+            for (Keyframe& key : m.keyframes) key.pose.position = key.pose.position + shift;
+        const Trace there = comparisons.run(std::move(other));
+        const double moved = difference(run.trace, there);
+        if (!there.all_converged || moved < 0.5 * off) continue;
+        comparisons.add(several_answers,
+                        law_text("forces differ by %.3g %% where fingers begin %.3g um aside", 100 * moved, 1e6 * by));
+        return true;
+    }
+    return false;
+}
+
+/// Forces of a run that was to give the same.
+void compare_forces(const char* law, const Run& here, const Run& there, Comparisons& found) {
+    const double off = difference(here.trace, there.trace);
+    if (off > 0.01 && here.trace.all_converged && there.trace.all_converged &&
+        !have_several_answers(here, there, off, found))
+        found.add(law, law_text("forces differ by %.3g %%", 100 * off));
+}
+
 /// The same bits for any number of threads.
 void compare_threads(const Scene& scene, const Trace& one, Comparisons& found) {
     const Trace two = found.run(scene, 2);
@@ -122,14 +160,17 @@ void compare_object_order(const Scene& scene, const Trace& forward, Comparisons&
     Scene reversed = scene;
     std::reverse(reversed.spec.objects.begin(), reversed.spec.objects.end());
     std::reverse(reversed.object_motions.begin(), reversed.object_motions.end());
-    Trace backward = found.run(std::move(reversed));
+    Trace backward = found.run(reversed);
     std::reverse(backward.bodies.begin(), backward.bodies.end());
     if (!forward.all_converged || !backward.all_converged) return;
     const double off = difference(forward, backward);
     double apart = 0;
     for (std::size_t b = 0; b < std::min(forward.bodies.size(), backward.bodies.size()); ++b)
         apart = std::max(apart, norm(forward.bodies[b] - backward.bodies[b]));
-    if ((off > 0.01 && !has_bodies(scene)) || apart > 1e-3)
+    const bool forces_differ = off > 0.01 && !has_bodies(scene);
+    if (forces_differ && apart <= 1e-3 && have_several_answers({scene, forward}, {reversed, backward}, off, found))
+        return;
+    if (forces_differ || apart > 1e-3)
         found.add("order of objects makes no difference",
                   law_text("forces differ by %.3g %%, bodies end %.3g mm apart", 100 * off, 1e3 * apart));
 }
@@ -199,10 +240,8 @@ void compare_mirrored(const Scene& scene, const Trace& here, Comparisons& found)
     if (std::any_of(scene.spec.objects.begin(), scene.spec.objects.end(), is_mesh)) return;
     Scene other = scene;
     mirror_scene(other);
-    const Trace there = found.run(std::move(other));
-    const double off = difference(here, there);
-    if (off > 0.01 && here.all_converged && there.all_converged)
-        found.add("a mirror makes no difference", law_text("forces differ by %.3g %%", 100 * off));
+    const Trace there = found.run(other);
+    compare_forces("a mirror makes no difference", {scene, here}, {other, there}, found);
 }
 
 /// Single and double precision feel the same.
@@ -210,10 +249,8 @@ void compare_precision(const Scene& scene, const Trace& here, Comparisons& found
     if (!is_one_solution(scene)) return;
     Scene other = scene;
     for (FingerSpec& f : other.spec.fingers) f.single_precision = !f.single_precision;
-    const Trace there = found.run(std::move(other));
-    const double off = difference(here, there);
-    if (off > 0.01 && here.all_converged && there.all_converged)
-        found.add("precision makes little difference", law_text("forces differ by %.3g %%", 100 * off));
+    const Trace there = found.run(other);
+    compare_forces("precision makes little difference", {scene, here}, {other, there}, found);
 }
 
 /// Turned and far away, the same is felt.
@@ -221,10 +258,8 @@ void compare_moved(const Scene& scene, const Trace& here, Comparisons& found) {
     if (!is_one_solution(scene)) return;
     Scene far = scene;
     move_scene(far, {{9.7, -3.2, 4.1}, from_roll_pitch_yaw(0.3, -0.7, 2.1)});
-    const Trace there = found.run(std::move(far));
-    const double off = difference(here, there);
-    if (off > 0.01 && here.all_converged && there.all_converged)
-        found.add("place and direction make no difference", law_text("forces differ by %.3g %%", 100 * off));
+    const Trace there = found.run(far);
+    compare_forces("place and direction make no difference", {scene, here}, {far, there}, found);
 }
 
 /// With `parts` steps for each of the scene's: their mean forces, which are what an implicit step gives.
@@ -251,7 +286,8 @@ void compare_step(const Scene& scene, const Trace& coarse, Comparisons& found) {
     if (off <= 0.25 || !coarse.all_converged || !half.all_converged) return;
     const Trace quarter = finer_trace(scene, 4, coarse.force.size(), found);
     const double still_off = difference(half, quarter);
-    if (still_off > 0.75 * off && quarter.all_converged)
+    if (still_off > 0.75 * off && quarter.all_converged &&
+        !have_several_answers({scene, coarse}, {scene, coarse}, still_off, found))
         found.add("shorter steps come closer",
                   law_text("forces differ by %.3g %% with half the step, by %.3g %% between "
                            "that and a quarter",

@@ -15,6 +15,10 @@ struct Violation {
     std::string found;  ///< when, where, by how much
 };
 
+/// Found, but no law that is broken: runs of a scene end in forces as unlike each other when its fingers begin a
+/// micrometre aside, so that runs that were not to differ say nothing there.
+inline constexpr char several_answers[] = "has more than one answer";
+
 /// How much of a scene's comparisons with other runs of it is made: beginning with one of them, in turn until other
 /// runs have taken so many Newton iterations (of all fingers). What a single run shows is always looked at.
 struct LawBudget {

@@ -206,8 +206,10 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
             wait_for_any(all);
             continue;
         }
-        RandomTrial trial{seed_of(told++), std::move(judged.front().found), false, {}};
+        RandomTrial trial{seed_of(told++), std::move(judged.front().found), false, false, {}};
         judged.pop_front();
+        trial.several_answers =
+            std::erase_if(trial.violations, [](const Violation& v) { return v.law == several_answers; }) > 0;
         trial.refused = trial.violations.size() == 1 && is_refusal_of_overlap(trial.violations.front());
         if (trial.refused) trial.violations.clear();
         if (!trial.violations.empty()) keep(trial, random_scene(trial.seed), t, templates, stop);

@@ -12,8 +12,9 @@ namespace palpate {
 struct RandomTrial {
     unsigned seed = 0;
     std::vector<Violation> violations;
-    bool refused = false;        ///< it was drawn with a body inside a finger, which is no scene: nothing was tried
-    std::filesystem::path file;  ///< the smallest scene found that breaks the first of them; empty without any
+    bool refused = false;          ///< it was drawn with a body inside a finger, which is no scene: nothing was tried
+    bool several_answers = false;  ///< comparisons between its runs say nothing: see laws.h
+    std::filesystem::path file;    ///< the smallest scene found that breaks the first of them; empty without any
 };
 
 struct RandomTrials {

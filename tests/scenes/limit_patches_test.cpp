@@ -1,0 +1,77 @@
+// What strain limits hold: the same parts of a finger, whatever its mesh.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+
+#include <Eigen/LU>
+
+#include "scenes/load/scene.h"
+#include "scenes/load/section.h"
+
+namespace palpate {
+namespace {
+
+TetMesh preset_mesh(int elements, bool limited) {
+    FingerModel m;
+    Problems problems;
+    read_named_finger("index-median", "", m, problems);
+    EXPECT_TRUE(problems.messages.empty()) << problems.messages.front();
+    m.mesh.elements = elements;
+    m.spec.has_limits = limited;
+    FingerTemplates templates;
+    std::string note;
+    return build_finger(m, templates, note).mesh;
+}
+
+/// Centres of a mesh's limit patches, by number.
+std::map<int, Point> patch_centres(const TetMesh& mesh) {
+    std::map<int, Point> sum;
+    std::map<int, double> volume;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        if (mesh.limit_patches[e] < 0) continue;
+        Eigen::Matrix3d edges;
+        for (int k = 0; k < 3; ++k)
+            for (int d = 0; d < 3; ++d)
+                edges(d, k) = mesh.nodes[std::size_t(mesh.tets[e][std::size_t(k + 1)])][std::size_t(d)] -
+                              mesh.nodes[std::size_t(mesh.tets[e][0])][std::size_t(d)];
+        const double v = edges.determinant() / 6;
+        volume[mesh.limit_patches[e]] += v;
+        for (int i : mesh.tets[e])
+            for (std::size_t d = 0; d < 3; ++d) sum[mesh.limit_patches[e]][d] += v * mesh.nodes[std::size_t(i)][d] / 4;
+    }
+    for (auto& [patch, centre] : sum)
+        for (double& x : centre) x /= volume[patch];
+    return sum;
+}
+
+/// Whatever the mesh, the same parts of the finger are limited, and as many.
+TEST(LimitPatches, AreTheSamePartsOfTheFingerInEveryMesh) {
+    std::map<int, Point> base;
+    for (const int elements : {347, 1000, 2800}) {
+        const TetMesh mesh = preset_mesh(elements, true);
+        const auto centres = patch_centres(mesh);
+        if (base.empty()) base = centres;
+        EXPECT_NEAR(double(centres.size()), 38, 6) << elements;
+        double off = 0, most = 0;
+        for (const auto& [patch, c] : centres) {
+            ASSERT_TRUE(base.count(patch));
+            const Point& b = base[patch];
+            const double d = std::hypot(c[0] - b[0], c[1] - b[1], c[2] - b[2]);
+            off += d / double(centres.size()), most = std::max(most, d);
+        }
+        EXPECT_LT(off, 1.0e-3) << "patches are 4 mm wide";
+        EXPECT_LT(most, 3e-3);
+        for (std::size_t a = 0; a < mesh.tets.size(); ++a)  // none without what does not deform
+            EXPECT_EQ(mesh.limit_patches[a] < 0, mesh.patches[a] < 0);
+        for (std::size_t a = 1; a < mesh.tets.size(); ++a) {  // of whole patches of volume
+            if (mesh.patches[a] != mesh.patches[a - 1]) continue;
+            EXPECT_EQ(mesh.limit_patches[a], mesh.limit_patches[a - 1]);
+        }
+    }
+    EXPECT_TRUE(preset_mesh(347, false).limit_patches.empty()) << "nothing is limited";
+}
+
+}  // namespace
+}  // namespace palpate
