@@ -20,7 +20,7 @@ struct LimitPatches {
 };
 /// With patches of volume of more than five elements, fewer: fitted with the presets, whose coarsest mesh otherwise
 /// saturates too early.
-constexpr LimitPatches limit_patches{70, 5}, larger_limit_patches{40, 9};
+constexpr LimitPatches limit_patches{70, 5}, larger_limit_patches{25, 14};
 /// Faces of skin that share one stretch. Fitted to presses of 0.3 to 2 mm with 350 to 4,000 elements.
 constexpr int membrane_patch_size = 8;
 

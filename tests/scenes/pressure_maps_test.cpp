@@ -110,8 +110,8 @@ TEST(PressureMaps, PresetsPressAsMeasuredFingersDo) {
             ++count;
         }
         EXPECT_GE(count, 6);
-        EXPECT_LT(middle / count, 0.18) << person;
-        EXPECT_LT(peak / count, 0.18) << person;
+        EXPECT_LT(middle / count, 0.15) << person;
+        EXPECT_LT(peak / count, 0.15) << person;
     }
 }
 
