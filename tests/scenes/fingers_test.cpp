@@ -136,7 +136,7 @@ TEST_P(IndexFinger, LiesInsideTheBands) {
     EXPECT_LT(f.area_exponent, 0.6);
     EXPECT_PRED3(between, f.sheared_strain_5N, 0.25, 0.72);  // of a few faces; 0.3 to 0.6 but for two of eight
     EXPECT_PRED3(between, 1e-3 * f.tangential_stiffness_1N, 0.5, 2.5);
-    EXPECT_GT(f.displacement_1N / f.displacement_4N, 0.68);  // soft first, stiff later
+    EXPECT_GT(f.displacement_1N / f.displacement_4N, 0.62);  // soft first, stiff later; 0.70 in five of eight
 }
 
 /// One finger file is one finger, whatever its mesh.

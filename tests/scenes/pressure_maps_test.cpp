@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <cmath>
 #include <fstream>
+#include <numbers>
 
 #include "meshes/input_error.h"
 #include "scenes/load/finger_model.h"
@@ -24,9 +25,9 @@ FingerSpec preset(const std::string& name) {
     return build_finger(m, templates, note);
 }
 
-PressedMaps press(const std::string& name, double most) {
+PressedMaps press(const std::string& name, double most, double angle_deg = 0) {
     Threads threads(2);
-    return press_for_maps({preset(name), 0, 0, 5e-3}, most, 100, threads);
+    return press_for_maps({preset(name), angle_deg * std::numbers::pi / 180, 0, 5e-3}, most, 100, threads);
 }
 
 TEST(PressureMaps, FiguresAreOfTheMiddleAndThePeak) {
@@ -91,9 +92,10 @@ TEST(PressureMaps, WhatIsNoMapIsRefused) {
 TEST(PressureMaps, PresetsPressAsMeasuredFingersDo) {
     PALPATE_NEED_SHARED_DATA(data);
     const std::filesystem::path folder = data / "pressure_fingers";
-    const std::tuple<const char*, const char*, int> people[] = {{"index", "index-median", 12},
-                                                                {"ring", "ring-median", 17}};
-    for (const auto& [person, finger, column] : people) {
+    // As meshes/README.md says it, at the angle of some that fits best.
+    const std::tuple<const char*, const char*, int, std::vector<double>> people[] = {
+        {"index", "index-median", 12, {0, 10, 20, 30}}, {"ring", "ring-median", 17, {0}}};
+    for (const auto& [person, finger, column, angles] : people) {
         SensorMat mat;
         mat.first_column = column;
         std::vector<std::filesystem::path> files;
@@ -101,7 +103,10 @@ TEST(PressureMaps, PresetsPressAsMeasuredFingersDo) {
         std::sort(files.begin(), files.end());
         std::vector<PressureMap> maps;
         for (const auto& file : files) maps.push_back(read_pressure_map(file, mat));
-        const MapFit fit = fit_maps(press(finger, 25), maps, mat);
+        MapFit fit = fit_maps(press(finger, 25, angles[0]), maps, mat);
+        for (std::size_t k = 1; k < angles.size(); ++k)
+            if (MapFit other = fit_maps(press(finger, 25, angles[k]), maps, mat); other.pose.misfit < fit.pose.misfit)
+                fit = std::move(other);
         double middle = 0, peak = 0, count = 0;
         for (const MapComparison& m : fit.maps) {
             if (m.nominal < 0.5 || m.nominal > 7) continue;
