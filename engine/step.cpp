@@ -21,6 +21,8 @@ void step(World& w, Threads& threads) {
     w.time += w.solver.dt;
     ++w.step;
     StepProfile& p = w.profile;
+    begin_cuts(std::chrono::steady_clock::now(), p.extract_contact + p.match_devices + p.publish + p.end_objects,
+               w.deadline, w.chunks, w.body_solve);
     timed(p.read_trackers, [&] { read_trackers(w.solver.dt, w.tracker_poses, w.pose_filters); });
     timed(p.couple, [&] {
         couple(w.tracker_poses, w.solver, w.skins, w.couplings, w.chunks);
@@ -40,6 +42,7 @@ void step(World& w, Threads& threads) {
         solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, w.skins, threads, w.shapes, w.bodies,
                      w.finger_pairs, w.soft, w.body_solve, w.chunks);
     });
+    end_cuts(w.deadline, w.chunks, w.body_solve);
     timed(p.extract_contact,
           [&] { extract_contact(w.skins, w.solver.tolerance, w.soft, w.chunks, w.couplings, w.contact_surfaces); });
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });

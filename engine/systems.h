@@ -1,10 +1,20 @@
 #pragma once
 // The systems of the step, in its order. Each names what it reads (const) and writes.
 
+#include <chrono>
+
 #include "engine/threads.h"
 #include "engine/world.h"
 
 namespace palpate {
+
+/// Says by when the solves of this step are to stop (step_cut.h): at the deadline after its `start`, but for a
+/// `reserve` [s] for what follows them; or where the step that is repeated did.
+void begin_cuts(std::chrono::steady_clock::time_point start, double reserve, const StepDeadline& deadline,
+                SkinChunks& chunks, BodySolve& bodies);
+
+/// Notes which were cut short. Nothing without a deadline.
+void end_cuts(StepDeadline& deadline, SkinChunks& chunks, BodySolve& bodies);
 
 /// Takes the incoming sample of each tracker if it is valid, filtered where the tracker has a filter; counts the
 /// others.

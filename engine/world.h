@@ -163,6 +163,16 @@ struct DeviceLink {
     std::int64_t retreats = 0;          ///< times it was led to rest
 };
 
+/// By when a step is to end. Its iterations are cut short for that (step_cut.h), with room for the systems that follow
+/// them, as long as they took in the step before.
+struct StepDeadline {
+    double limit = 0;        ///< wall time of a step [s]; 0: none
+    std::vector<int> given;  ///< `cuts` of a step that is repeated, whatever the clock says; empty: it is none
+    std::vector<int> cuts;   ///< [chunk, doubles and floats, then bodies] pass at which the last step's iteration was
+                             ///< cut short; -1: it was not; empty without deadline
+    bool cut_short = false;  ///< any of them was
+};
+
 /// Wall time of the systems of one step [s]; the fields follow step.cpp one to one.
 struct StepProfile {
     double read_trackers = 0, couple = 0, begin_bodies = 0, detect_contacts = 0, choose_detail = 0, gather_lanes = 0,
@@ -224,6 +234,7 @@ struct World {
     Table<DeviceLink> device_links;      ///< per thimble with a device
     SkinChunks chunks;
 
+    StepDeadline deadline;
     StepProfile profile;
     double sampled_at = 0;  ///< when the step's tracked poses were read [s of a steady clock]; 0: simulated time
     std::int64_t contact_growths = 0;  ///< times that a finger needed memory for more objects near it than ever before,

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/bodies/body_contact.h"
+#include "engine/skin/chunks/step_cut.h"
 #include "engine/skin/solve/lane_progress.h"
 
 namespace palpate {
@@ -63,6 +64,7 @@ struct BodySolve {
     std::vector<int> coupled;                    ///< chunks near a body: doubles, then floats
     std::vector<Island> islands;                 ///< the last is that of sleeping bodies
     int island_count = 0;
+    StepCut cut;
     Eigen::MatrixXd matrix;  ///< of the largest island
     Eigen::VectorXd rhs;
 };

@@ -346,10 +346,11 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     stiffen_against_inertia(w);
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
-    while (true) {
+    for (int pass = 0;; ++pass) {
+        const bool late = solve.cut.is_late(pass);
         bool goes_on = false;
         evaluate_all(w, [&](const Island& i) {
-            return active(i) && i.progress.iterations < solver.newton_iterations + i.progress.extra;
+            return active(i) && i.progress.iterations < detail::iterations_allowed(solver, i.progress, late);
         });
         find_slow_islands(w);
         bool retry = false, update = false, newton = false;
@@ -359,7 +360,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                 island.decision = {};
                 continue;
             }
-            island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
+            island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, late, island.progress);
             stop_where_jammed(w, island);
             detail::shorten_steps(island.progress, island.decision);
             retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;

@@ -26,7 +26,7 @@ Governor make_governor(double deadline, int highest, const SolverSettings& asked
     return g;
 }
 
-void govern(Governor& g, double step_seconds) {
+void govern(Governor& g, double step_seconds, bool cut_short) {
     // What a step of the next preset may take, times that of this one: measured, with room.
     constexpr double dearer[] = {2.5, 3.5, 4};
     constexpr int longest_patience = 120000;
@@ -34,8 +34,9 @@ void govern(Governor& g, double step_seconds) {
     ++g.in_time;
     ++g.since_up;
     g.longest = std::max(g.longest, step_seconds);
-    if (step_seconds > g.deadline) {
-        ++g.missed;
+    g.cut_short += cut_short;
+    if (step_seconds > g.deadline || cut_short) {
+        g.missed += step_seconds > g.deadline;
         if (g.preset > 0) {
             if (g.since_up < g.patience) g.patience = std::min(2 * g.patience, longest_patience);
             --g.preset;

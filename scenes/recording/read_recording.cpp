@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
@@ -94,6 +95,7 @@ RecordedRun read_header(const nlohmann::json& j) {
 struct RecordingReader {
     Recording recording;
     std::shared_ptr<const Names> arrays{};  ///< of the next step; null: unknown
+    std::vector<int> cuts{};                ///< of the next step
     std::string wrong_header{};             ///< why the first header cannot be read
 
     RecordedRun* run() { return recording.runs.empty() ? nullptr : &recording.runs.back(); }
@@ -112,6 +114,7 @@ struct RecordingReader {
         RecordedStep step{};
         if (!(frame.kind == 2 ? read_old_step(frame, *run(), step) : read_step(frame, *run(), step))) return false;
         if (arrays && arrays->size() == step.outcome.hashes.size()) step.arrays = arrays;
+        step.inputs.cuts = std::exchange(cuts, {});
         run()->steps.push_back(std::move(step));
         return true;
     }
@@ -120,6 +123,12 @@ struct RecordingReader {
         if (frame.kind == 6) {
             if (run()) run()->ended = true;
             return true;
+        }
+        if (frame.kind == 7) {
+            PayloadReader in(frame);
+            cuts.clear();
+            while (in.good && in.left() >= 4) cuts.push_back(in.get<std::int32_t>());
+            return in.good && in.left() == 0;
         }
         if (frame.kind != 1 && frame.kind != 4 && frame.kind != 5) {
             ++recording.unknown_frames;

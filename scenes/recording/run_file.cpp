@@ -13,7 +13,14 @@ using Payload = std::vector<std::uint8_t>;
 using Names = std::vector<std::string>;
 
 constexpr std::string_view magic = "palpate2";
-enum FrameKind : std::uint32_t { run_frame = 1, step_frame = 3, arrays_frame = 4, settings_frame = 5, end_frame = 6 };
+enum FrameKind : std::uint32_t {
+    run_frame = 1,
+    step_frame = 3,
+    arrays_frame = 4,
+    settings_frame = 5,
+    end_frame = 6,
+    cuts_frame = 7
+};
 
 /// FNV-1a.
 std::uint64_t hash_of(const void* data, std::size_t size, std::uint64_t hash = 1469598103934665603ull) {
@@ -112,6 +119,11 @@ void RunWriter::record(const StepInputs& inputs, const Simulation& s) {
     if (const auto moving = moving_objects(s); moving != moving_) {
         moving_ = moving;
         file_.append(arrays_frame, json_payload({{"arrays", array_names(s)}}));
+    }
+    if (s.world.deadline.cut_short) {
+        Payload cuts;
+        for (const int pass : s.world.deadline.cuts) put(cuts, std::int32_t(pass));
+        file_.append(cuts_frame, cuts);
     }
     const StepOutcome outcome = outcome_of(s);
     Payload out;

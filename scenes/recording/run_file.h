@@ -12,6 +12,9 @@
 //     the step. A pose is 7 f64: p [m], q = w x y z.
 //   4 arrays: from the next step on these are hashed (a body is released). JSON: arrays.
 //   5 settings: the run goes on with other settings. JSON: overrides.
+//   7 cuts: the next step was cut short by its deadline. Per chunk of fingers, doubles and then floats, and last for
+//     bodies, i32 pass of the iteration at which it was (-1: it was not). Palpate repeats them instead of asking the
+//     clock; who does not know them gets other numbers.
 //   6 end: the run was ended in order. u64 steps recorded of it.
 //
 // Files that begin with "palpate1" hold one run: kind 1 and kind 2 (one per step): f64 time; per finger u8 valid, f64

@@ -178,6 +178,7 @@ void next_inputs(const Simulation& s, StepInputs& inputs) {
     const double next = s.world.time + s.world.solver.dt;
     inputs.fingers.clear(), inputs.objects.clear();
     inputs.preset = s.governor ? s.governor->preset : -1;
+    inputs.cuts.reset();
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const FingerMotion& motion = s.scene.finger_motions[i];
         if (!s.live || motion.followed_finger < 0) {
@@ -211,6 +212,11 @@ void advance(Simulation& s, const StepInputs& inputs) {
     for (std::size_t i = 0; i < w.shapes.size(); ++i)
         if (w.shapes[i].body < 0) w.shapes[i].pose = inputs.objects[i];
     if (s.governor && inputs.preset >= 0) w.solver = settings_of(*s.governor, inputs.preset);
+    w.deadline.limit = s.governor && !inputs.cuts ? s.governor->deadline : 0;
+    if (inputs.cuts)
+        w.deadline.given = *inputs.cuts;
+    else
+        w.deadline.given.clear();
     if (s.hardware) {
         w.sampled_at = device_clock();
         const double arrived_at = s.live ? oldest_arrival(s) : w.sampled_at;
@@ -220,7 +226,7 @@ void advance(Simulation& s, const StepInputs& inputs) {
     if (s.hardware)
         for (auto& loop : s.loops) loop->pose_stamps.done(device_clock());
     count_detail(w, s.detail);
-    if (s.governor) govern(*s.governor, w.profile.total());
+    if (s.governor) govern(*s.governor, w.profile.total(), w.deadline.cut_short);
     if (!s.hardware)
         for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
@@ -229,6 +235,7 @@ void advance(Simulation& s, const StepInputs& inputs) {
         counts.resets += status.reset;
         counts.wrong_side_steps += status.wrong_sides > 0;
         counts.extended_steps += status.extra_iterations > 0;
+        counts.cut_short_steps += status.cut_short;
         counts.uphill_steps += status.uphill_steps;
     }
     if (s.keeps_series) record(s, inputs);

@@ -40,6 +40,7 @@ struct FingerCounts {
     std::int64_t resets = 0;            ///< times it diverged and was reset
     std::int64_t wrong_side_steps = 0;  ///< steps in which an object pressed on a node from inside the skin
     std::int64_t extended_steps = 0;    ///< steps that were given more iterations than their budget
+    std::int64_t cut_short_steps = 0;   ///< steps that the deadline ended before they had converged
     std::int64_t uphill_steps = 0;      ///< Newton steps that no halving brought to lower energy, taken back
 };
 
@@ -76,6 +77,7 @@ struct StepInputs {
     std::vector<TrackerPose::Sample> fingers;  ///< per finger
     std::vector<Pose<double>> objects;         ///< per object, fixed ones too
     int preset = -1;                           ///< the governor's; -1: it has none
+    std::optional<std::vector<int>> cuts{};    ///< of a recorded step (StepDeadline::given); absent: the clock's
 };
 /// Of the next step, from scripts, recordings and live hands.
 StepInputs next_inputs(const Simulation& simulation);

@@ -286,7 +286,7 @@ void exchange(Archive& a, Simulation& s) {
     array(a, s.finger_counts);
     if (!s.governor) return;
     Governor& g = *s.governor;
-    value(a, g.preset, g.patience, g.in_time, g.longest, g.since_up, g.missed, g.changes);
+    value(a, g.preset, g.patience, g.in_time, g.longest, g.since_up, g.missed, g.cut_short, g.changes);
     array(a, g.steps);
 }
 

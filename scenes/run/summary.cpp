@@ -56,6 +56,7 @@ FingerSummary summarise_finger(const Simulation& s, std::size_t i) {
     f.resets = int(s.finger_counts[i].resets);
     f.wrong_side_steps = s.finger_counts[i].wrong_side_steps;
     f.extended_steps = s.finger_counts[i].extended_steps;
+    f.cut_short_steps = s.finger_counts[i].cut_short_steps;
     f.uphill_steps = s.finger_counts[i].uphill_steps;
     f.rough_steps = s.world.contact_surfaces.find(s.fingers[i])->rough_steps;
     for (std::size_t t = 0; t < s.world.matchings.size(); ++t) {
@@ -137,6 +138,7 @@ Summary summarise(const Simulation& s) {
             out.preset_shares.emplace_back(preset_names()[p],
                                            double(s.governor->steps[p]) / double(std::max<std::int64_t>(1, out.steps)));
         out.missed_deadlines = s.governor->missed;
+        out.cut_short_steps = s.governor->cut_short;
         out.preset_changes = s.governor->changes;
     }
     for (const TrackerPose& t : s.world.tracker_poses) {

@@ -26,7 +26,7 @@ struct FingerSummary {
     double fixed_penetration_um = 0;  ///< worst of skin that rides on the bone, and does not touch
     double mean_iterations = 0, converged_share = 0;
     int resets = 0;
-    std::int64_t wrong_side_steps = 0, extended_steps = 0, uphill_steps = 0;  ///< as FingerCounts
+    std::int64_t wrong_side_steps = 0, extended_steps = 0, cut_short_steps = 0, uphill_steps = 0;  ///< as FingerCounts
     std::int64_t rough_steps = 0;  ///< too far from balance to be sent to a thimble
     bool has_device = false;
     double matching_rms_mm = 0;    ///< mean over solves with contact
@@ -58,7 +58,7 @@ struct Summary {
     double skin_memory_MB = 0;
     /// Of the governor of presets: share of the steps by preset, steps over the deadline, changes; empty without one.
     std::vector<std::pair<std::string, double>> preset_shares;
-    std::int64_t missed_deadlines = 0, preset_changes = 0;
+    std::int64_t missed_deadlines = 0, cut_short_steps = 0, preset_changes = 0;
     DetailCount detail;
     double filter_delay_ms = 0;  ///< mean over samples and fingers of what filters hold poses back
     std::int64_t rejected_samples = 0, missing_samples = 0, slowed_steps = 0, contact_growths = 0;

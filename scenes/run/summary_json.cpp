@@ -22,6 +22,7 @@ nlohmann::json finger_json(const FingerSummary& f) {
                      {"resets", f.resets},
                      {"wrong_side_steps", f.wrong_side_steps},
                      {"extended_steps", f.extended_steps},
+                     {"cut_short_steps", f.cut_short_steps},
                      {"uphill_steps", f.uphill_steps},
                      {"rough_steps", f.rough_steps}};
     if (f.has_device) {
@@ -65,6 +66,7 @@ nlohmann::json to_json(const Summary& s) {
     for (const auto& [preset, share] : s.preset_shares) j["governor"]["presets"][preset] = share;
     if (!s.preset_shares.empty()) {
         j["governor"]["missed_deadlines"] = s.missed_deadlines;
+        j["governor"]["cut_short_steps"] = s.cut_short_steps;
         j["governor"]["changes"] = s.preset_changes;
     }
     for (const auto& [system, us] : s.system_mean_us) j["system_mean_us"][system] = us;

@@ -72,6 +72,10 @@ std::string remarks(const Summary& s) {
         s, [](F f) { return double(f.extended_steps); }, 0, "%.0f",
         "# steps were given more iterations than their preset has");
     out += remark(
+        s, [](F f) { return double(f.cut_short_steps); }, 0, "%.0f",
+        "# steps were cut short by the deadline before they had converged: allow more time (solver.deadline_ms), or "
+        "ask for less (solver.preset, elements)");
+    out += remark(
         s, [](F f) { return double(f.resets); }, 0, "%.0f",
         "diverged and was reset # times: use smaller steps (dt_ms) or softer coupling");
     out += remark(
@@ -154,8 +158,9 @@ std::string presets(const Summary& s) {
     std::string out = "presets, as the deadline let them be:";
     for (const auto& [preset, share] : s.preset_shares)
         if (share > 0) out += written(" %s %.1f %%", preset.c_str(), 100 * share);
-    return wrapped(out + written(" of the steps; %lld changes, %lld steps took longer",
-                                 static_cast<long long>(s.preset_changes), static_cast<long long>(s.missed_deadlines)));
+    return wrapped(out + written(" of the steps; %lld changes, %lld steps cut short, %lld took longer",
+                                 static_cast<long long>(s.preset_changes), static_cast<long long>(s.cut_short_steps),
+                                 static_cast<long long>(s.missed_deadlines)));
 }
 
 std::string soft_objects(const Summary& s) {

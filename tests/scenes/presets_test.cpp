@@ -1,9 +1,11 @@
 // Presets: the governor that moves between them, and the budget that chooses one.
 
+#include <algorithm>
 #include <fstream>
 
 #include "scenes/recording/run_file.h"
 #include "scenes/run/budget.h"
+#include "scenes/run/summary.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -29,6 +31,14 @@ TEST(Governor, FindsThePresetThatKeepsTheDeadlineAndStaysThere) {
     // Never above what the scene asks for.
     Governor g = make_governor(1, 1, {});
     EXPECT_EQ(run_governor(g, seconds, 20000), 1);
+}
+
+TEST(Governor, StepsDownWhereAStepIsCutShort) {
+    Governor g = make_governor(1e-3, 3, {});
+    govern(g, 0.9e-3, true);
+    EXPECT_EQ(g.preset, 2);
+    EXPECT_EQ(g.missed, 0);
+    EXPECT_EQ(g.cut_short, 1);
 }
 
 TEST(Governor, ComesBackWhenThereIsSlackAndWaitsLongerWhenThatWasWrong) {
@@ -78,6 +88,72 @@ TEST(Governor, WhatItChoseIsRecordedAndReplaysBitForBit) {
         ASSERT_EQ(outcome_of(again).hashes, run.steps[k].outcome.hashes) << "step " << k;
     }
     EXPECT_EQ(again.step_series.column("preset").at(25), 2);
+}
+
+/// A deadline that no step can keep: every finger gets one iteration, says that it was cut short, and is sent nothing
+/// that is far from balance. What the clock did is recorded, and repeated bit for bit without one.
+TEST(Governor, StepsAreCutShortByTheDeadlineSaidAndReplayed) {
+    for (const char* scene : {"press.toml", "pinch.toml"}) {
+        testing::ScratchFolder scratch;
+        const auto file = scratch.path / "run.palpate";
+        const std::vector<std::string> overrides{"solver.deadline_ms=0.001", "solver.preset=reference", "dt_ms=5"};
+        std::int64_t cut = 0;
+        {
+            Simulation s = make_simulation(load_scene(scenes + scene, overrides), 2);
+            RunWriter writer(file, s, overrides);
+            for (int k = 0; k < 80; ++k) {
+                s.governor->preset = 3;
+                const StepInputs inputs = next_inputs(s);
+                advance(s, inputs);
+                writer.record(inputs, s);
+                for (const EntityId finger : s.fingers) {
+                    const SkinStatus& status = skin_status(s.world, finger);
+                    EXPECT_LE(status.newton_iterations, 1);  // nor has there been an update that another one follows
+                    EXPECT_EQ(status.extra_iterations, 0);
+                    EXPECT_FALSE(status.cut_short && status.converged);
+                    cut += status.cut_short;
+                }
+                EXPECT_EQ(s.world.deadline.cut_short,
+                          k < 80 && !s.world.deadline.cuts.empty() &&
+                              *std::max_element(s.world.deadline.cuts.begin(), s.world.deadline.cuts.end()) >= 0);
+            }
+            EXPECT_GT(s.governor->cut_short, 20);
+            EXPECT_NE(to_text(summarise(s)).find("steps were cut short by"), std::string::npos);
+        }
+        EXPECT_GT(cut, 10) << scene;
+        const RecordedRun run = read_recording(file).runs.at(0);
+        Simulation again = make_simulation(recorded_scene(run, file, run.overrides), 1);
+        for (std::size_t k = 0; k < run.steps.size(); ++k) {
+            ASSERT_TRUE(run.steps[k].inputs.cuts.has_value());
+            advance(again, run.steps[k].inputs);
+            ASSERT_EQ(outcome_of(again).hashes, run.steps[k].outcome.hashes) << scene << " step " << k;
+        }
+    }
+}
+
+/// Cut at a later pass, a step is nearer to balance; at one that it does not reach it is the same to the last bit.
+TEST(Governor, WhereAStepIsCutIsWhatItsIterationHadReached) {
+    const auto pressed = [](int pass) {
+        Simulation s = make_simulation(load_scene(scenes + "press.toml", {"solver.preset=reference"}), 1);
+        for (int k = 0; k < 60; ++k) {
+            StepInputs inputs = next_inputs(s);
+            inputs.cuts.emplace();
+            if (k == 59 && pass >= 0) inputs.cuts->assign(std::size_t(s.world.chunks.count()) + 1, pass);
+            advance(s, inputs);
+        }
+        return std::pair{skin_status(s.world, s.fingers[0]), outcome_of(s).hashes};
+    };
+    const auto whole = pressed(-1);
+    ASSERT_TRUE(whole.first.converged);
+    ASSERT_GT(whole.first.newton_iterations, 2);
+    EXPECT_EQ(pressed(1000).second, whole.second);
+    const auto first = pressed(0), later = pressed(2);
+    EXPECT_TRUE(first.first.cut_short);
+    EXPECT_EQ(first.first.newton_iterations, 1);
+    EXPECT_GT(first.first.residual_N, whole.first.residual_N);
+    EXPECT_GT(later.first.newton_iterations, 1);
+    EXPECT_LT(later.first.newton_iterations, whole.first.newton_iterations);
+    EXPECT_LT(later.first.residual_N, 1e-3 * later.first.contact_force_N);
 }
 
 // One iteration a step on uniform fingers, and two on conforming ones under a load that jams their tissue at its

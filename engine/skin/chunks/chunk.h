@@ -10,6 +10,7 @@
 #include "engine/skin/chunks/contact_slots.h"
 #include "engine/skin/chunks/lane_array.h"
 #include "engine/skin/chunks/skin_status.h"
+#include "engine/skin/chunks/step_cut.h"
 #include "engine/skin/chunks/topology.h"
 #include "engine/skin/solver_settings.h"
 
@@ -230,6 +231,7 @@ struct SkinChunk {
     std::array<T, 9 * 16> still_spring{};  ///< [9][lane] coupling spring when the lane fell asleep
     std::vector<int> finger;               ///< [lane] row of the finger; -1 where empty
     std::vector<SkinStatus> status;        ///< [lane]
+    StepCut cut;
     ContactSlots contacts;
     SkinRest<T> rest;
     SkinState<T> state;

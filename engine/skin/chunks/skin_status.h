@@ -11,6 +11,7 @@ struct SkinStatus {
     int extra_iterations = 0;  ///< granted beyond the budget, because forces were far from balanced
     int wrong_sides = 0;       ///< nodes that an object presses on, or lies behind, inside the skin
     bool converged = false;
+    bool cut_short = false;      ///< the deadline ended its iteration before it had converged
     bool reset = false;          ///< diverged, and was put back to rest on its target
     double residual_N = 0;       ///< norm of the force residual
     double limit_violation = 0;  ///< worst relative excess over a strain limit

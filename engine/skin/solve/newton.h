@@ -325,7 +325,7 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
         progress.uphill = double(lane(p.uphill, l));
         progress.extra = double(lane(p.extra, l));
         progress.converged = (converged >> l) & 1u;
-        c.status[std::size_t(l)] = status_of(of_lane, progress, (reset >> l) & 1u);
+        c.status[std::size_t(l)] = status_of(of_lane, progress, c.cut.at >= 0, (reset >> l) & 1u);
     }
 }
 
@@ -380,8 +380,9 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     const R share = detail::contact_share_of<R>(c, settings);
     const MaskOf<R> at_limits = mask_from_bits<R>(detail::lanes_short_at_limits<R>(c, settings));
     Evaluation<R> e;
-    while (true) {
-        const MaskOf<R> may_step = p.active & (p.iterations < R(T(settings.newton_iterations)) + p.extra);
+    for (int pass = 0;; ++pass) {
+        const bool late = c.cut.is_late(pass);
+        const MaskOf<R> may_step = p.active & (p.iterations < detail::iterations_allowed(settings, p, late));
         const MaskOf<R> keepable = (p.exactness <= R(0)) & (p.damping <= R(0));
         const MaskOf<R> enough = p.iterations >= R(T(detail::fitted::kept_iterations));
         const MaskOf<R> renew = (!keepable) | enough | at_limits;
@@ -390,7 +391,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
                           : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
         if (c.linear.left_lanes != 0) detail::forget_energy(p, mask_from_bits<R>(c.linear.left_lanes));
         const MaskOf<R> slow = detail::slow_lanes<R>(c, e.residual, p);
-        detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
+        detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, late, p);
         if (any(slow)) detail::wait_with_matrix<R>(c, slow & !p.converged);
         if (!any(p.active)) break;
         matrix.lanes = slow & d.newton;

@@ -15,8 +15,20 @@
 
 namespace palpate::detail {
 
+/// How many iterations there may be. Once it is late, one, which every finger gets, or one more after an update of
+/// multipliers, which without a step after it would count the same violation twice.
 template <class R>
-inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, LaneProgress<R>& p) {
+inline R iterations_allowed(const SolverSettings& s, const LaneProgress<R>& p, bool late) {
+    const R all = R(ScalarOf<R>(s.newton_iterations)) + p.extra;
+    if (!late) return all;
+    const MaskOf<R> updated = (p.updates > R(0)) & (p.slope >= R(0));
+    return minimum(all, maximum(R(1), select(updated, p.iterations + R(1), R(0))));
+}
+
+/// `late`: no iteration is to begin any more (step_cut.h).
+template <class R>
+inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, bool late,
+                              LaneProgress<R>& p) {
     using T = ScalarOf<R>;
     const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
     p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
@@ -49,7 +61,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
                                 (e.penetration <= R(T(s.contact_tolerance)));
     p.converged = p.converged | (ready & satisfied);
-    const MaskOf<R> out_of_budget = p.iterations >= R(T(s.newton_iterations)) + p.extra;
+    const MaskOf<R> out_of_budget = p.iterations >= iterations_allowed(s, p, late);
     // Without a step after it, an update would count the same violation twice: the end of the step updates, too. Nor
     // does one follow another where forces are not balanced: what is pending would be added again and again, each time
     // to a stiffer penalty, and what is small beside it grow with it.
@@ -65,7 +77,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> shaky = holds_body & (e.limited > R(0)) &
                             ((residual > R(T(fitted::steady_share)) * e.contact_force) |
                              (pending > R(T(fitted::steady_pending_share)) * e.contact_force));
-    const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget &
+    const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget & mask_from_bits<R>(late ? 0 : ~0u) &
                               ((rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
                                (shaky & (p.extra < R(T(s.steadying_iterations)))));
     p.extra += select(goes_on, select(rough, R(T(fitted::extra_iterations)), R(1)), R(0));
@@ -148,7 +160,7 @@ inline DirectionVerdict<R> judge_direction(LaneProgress<R>& p, MaskOf<R> newton,
 }
 
 /// What is reported of a lane that was solved.
-inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<double>& p, bool reset) {
+inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<double>& p, bool cut, bool reset) {
     SkinStatus s;
     s.newton_iterations = int(p.iterations);
     s.multiplier_updates = int(p.updates);
@@ -156,6 +168,7 @@ inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<doub
     s.uphill_steps = int(p.uphill);
     s.extra_iterations = int(p.extra);
     s.converged = p.converged;
+    s.cut_short = cut && !p.converged;
     s.reset = reset;
     if (reset) return s;
     s.residual_N = std::sqrt(e.residual);
