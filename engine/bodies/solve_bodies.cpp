@@ -347,10 +347,11 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
     for (int pass = 0;; ++pass) {
-        const bool late = solve.cut.is_late(pass);
+        if (solve.cut.is_late(pass) && solve.cut.at == pass)
+            for (int i = 0; i < solve.island_count; ++i) detail::cut_budget(solve.islands[i].progress);
         bool goes_on = false;
         evaluate_all(w, [&](const Island& i) {
-            return active(i) && i.progress.iterations < detail::iterations_allowed(solver, i.progress, late);
+            return active(i) && i.progress.iterations < detail::iterations_allowed(solver, i.progress);
         });
         find_slow_islands(w);
         bool retry = false, update = false, newton = false;
@@ -360,7 +361,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                 island.decision = {};
                 continue;
             }
-            island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, late, island.progress);
+            island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
             stop_where_jammed(w, island);
             detail::shorten_steps(island.progress, island.decision);
             retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;

@@ -108,8 +108,7 @@ TEST(Governor, StepsAreCutShortByTheDeadlineSaidAndReplayed) {
                 writer.record(inputs, s);
                 for (const EntityId finger : s.fingers) {
                     const SkinStatus& status = skin_status(s.world, finger);
-                    EXPECT_LE(status.newton_iterations, 1);  // nor has there been an update that another one follows
-                    EXPECT_EQ(status.extra_iterations, 0);
+                    EXPECT_LE(status.newton_iterations, 1 + status.extra_iterations);  // those of what is off balance
                     EXPECT_FALSE(status.cut_short && status.converged);
                     cut += status.cut_short;
                 }

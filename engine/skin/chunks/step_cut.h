@@ -6,8 +6,9 @@
 namespace palpate {
 
 /// Of one solve. An iteration that has begun is ended, line search included, and so is one that follows an update of
-/// multipliers; every finger gets one: what is left then is the last accepted iterate, balanced less well, which its
-/// status says. A step depends on the clock so; by which pass it was cut tells how to repeat it.
+/// multipliers; every finger gets one, and what is far from balance is solved on as without a deadline. What is left is
+/// the last accepted iterate, balanced less well, which its status says. A step depends on the clock so; by which pass
+/// it was cut tells how to repeat it.
 struct StepCut {
     using Time = std::chrono::steady_clock::time_point;
     Time until = Time::max();

@@ -40,8 +40,9 @@ struct LaneProgress {
     R last_excess, last_depth;  ///< of limits, of contacts: violation over tolerance at the last multiplier update
     R damping;                  ///< added to the diagonal of the next Newton matrix, in units of the tissue's stiffness
     R iterations{0}, updates{0}, backtracks{0};
-    R extra{0};   ///< iterations granted beyond the budget
-    R uphill{0};  ///< steps that were taken back: no halving led to less energy
+    R budget = std::numeric_limits<ScalarOf<R>>::max();  ///< of iterations, once the deadline has cut it
+    R extra{0};                                          ///< iterations granted beyond the budget
+    R uphill{0};                                         ///< steps that were taken back: no halving led to less energy
 };
 
 template <class R>

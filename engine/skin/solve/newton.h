@@ -381,8 +381,8 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     const MaskOf<R> at_limits = mask_from_bits<R>(detail::lanes_short_at_limits<R>(c, settings));
     Evaluation<R> e;
     for (int pass = 0;; ++pass) {
-        const bool late = c.cut.is_late(pass);
-        const MaskOf<R> may_step = p.active & (p.iterations < detail::iterations_allowed(settings, p, late));
+        if (c.cut.is_late(pass) && c.cut.at == pass) detail::cut_budget(p);
+        const MaskOf<R> may_step = p.active & (p.iterations < detail::iterations_allowed(settings, p));
         const MaskOf<R> keepable = (p.exactness <= R(0)) & (p.damping <= R(0));
         const MaskOf<R> enough = p.iterations >= R(T(detail::fitted::kept_iterations));
         const MaskOf<R> renew = (!keepable) | enough | at_limits;
@@ -391,7 +391,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
                           : evaluate<R, detail::Want::forces>(c, settings, p.exactness);
         if (c.linear.left_lanes != 0) detail::forget_energy(p, mask_from_bits<R>(c.linear.left_lanes));
         const MaskOf<R> slow = detail::slow_lanes<R>(c, e.residual, p);
-        detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, late, p);
+        detail::LaneDecision<R> d = detail::decide(e, detail::rounding_force(c, e), settings, p);
         if (any(slow)) detail::wait_with_matrix<R>(c, slow & !p.converged);
         if (!any(p.active)) break;
         matrix.lanes = slow & d.newton;

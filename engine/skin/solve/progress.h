@@ -15,20 +15,23 @@
 
 namespace palpate::detail {
 
-/// How many iterations there may be. Once it is late, one, which every finger gets, or one more after an update of
-/// multipliers, which without a step after it would count the same violation twice.
+/// How many iterations there may be.
 template <class R>
-inline R iterations_allowed(const SolverSettings& s, const LaneProgress<R>& p, bool late) {
-    const R all = R(ScalarOf<R>(s.newton_iterations)) + p.extra;
-    if (!late) return all;
-    const MaskOf<R> updated = (p.updates > R(0)) & (p.slope >= R(0));
-    return minimum(all, maximum(R(1), select(updated, p.iterations + R(1), R(0))));
+inline R iterations_allowed(const SolverSettings& s, const LaneProgress<R>& p) {
+    return minimum(R(ScalarOf<R>(s.newton_iterations)), p.budget) + p.extra;
 }
 
-/// `late`: no iteration is to begin any more (step_cut.h).
+/// The deadline is near: no more iterations than there have been, but one for each finger, and one after an update of
+/// multipliers, which without a step after it would count the same violation twice. What is far from balance is
+/// solved on all the same, as ever: late is better than thrown.
 template <class R>
-inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, bool late,
-                              LaneProgress<R>& p) {
+inline void cut_budget(LaneProgress<R>& p) {
+    const MaskOf<R> updated = (p.updates > R(0)) & (p.slope >= R(0));
+    p.budget = maximum(R(1), p.iterations + select(updated, R(1), R(0)) - p.extra);
+}
+
+template <class R>
+inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const SolverSettings& s, LaneProgress<R>& p) {
     using T = ScalarOf<R>;
     const MaskOf<R> sound = finite(e.energy) & finite(e.residual) & finite(e.pending);
     p.failed = p.failed | (p.active & !sound & (p.iterations <= R(0)));
@@ -61,7 +64,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> satisfied = (pending <= pending_tolerance) & (e.violation <= R(T(s.limit_tolerance))) &
                                 (e.penetration <= R(T(s.contact_tolerance)));
     p.converged = p.converged | (ready & satisfied);
-    const MaskOf<R> out_of_budget = p.iterations >= iterations_allowed(s, p, late);
+    const MaskOf<R> out_of_budget = p.iterations >= iterations_allowed(s, p);
     // Without a step after it, an update would count the same violation twice: the end of the step updates, too. Nor
     // does one follow another where forces are not balanced: what is pending would be added again and again, each time
     // to a stiffer penalty, and what is small beside it grow with it.
@@ -77,9 +80,10 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> shaky = holds_body & (e.limited > R(0)) &
                             ((residual > R(T(fitted::steady_share)) * e.contact_force) |
                              (pending > R(T(fitted::steady_pending_share)) * e.contact_force));
-    const MaskOf<R> goes_on = p.active & !d.retry & out_of_budget & mask_from_bits<R>(late ? 0 : ~0u) &
-                              ((rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
-                               (shaky & (p.extra < R(T(s.steadying_iterations)))));
+    const MaskOf<R> goes_on =
+        p.active & !d.retry & out_of_budget &
+        ((rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
+         (shaky & (p.budget >= R(T(s.newton_iterations))) & (p.extra < R(T(s.steadying_iterations)))));
     p.extra += select(goes_on, select(rough, R(T(fitted::extra_iterations)), R(1)), R(0));
     p.active = d.retry | d.update | d.newton | goes_on;
     return d;
