@@ -325,7 +325,7 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
         progress.uphill = double(lane(p.uphill, l));
         progress.extra = double(lane(p.extra, l));
         progress.converged = (converged >> l) & 1u;
-        c.status[std::size_t(l)] = status_of(of_lane, progress, c.cut.at >= 0, (reset >> l) & 1u);
+        c.status[std::size_t(l)] = status_of<R>(of_lane, progress, c.cut.at >= 0, (reset >> l) & 1u);
     }
 }
 

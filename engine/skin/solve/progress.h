@@ -163,7 +163,8 @@ inline DirectionVerdict<R> judge_direction(LaneProgress<R>& p, MaskOf<R> newton,
     return {step, unbound};
 }
 
-/// What is reported of a lane that was solved.
+/// What is reported of a lane that was solved, by code of lanes R.
+template <class R>
 inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<double>& p, bool cut, bool reset) {
     SkinStatus s;
     s.newton_iterations = int(p.iterations);

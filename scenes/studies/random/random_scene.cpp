@@ -368,6 +368,9 @@ RandomScene random_scene(unsigned seed) {
     if (brief) add_settings(r, s);
     if (brief && seed < first_seed_of_odd && !(kind >= 0.85 && fingers > 1))
         turn_objects(r, s);  // bodies that fall side by side would overlap
+    // Drawn last, so that all else is as without.
+    if (seed >= first_seed_of_deadlines && seed % 12 == 7)
+        s.blocks[1].push_back(line("deadline_ms = %.3f", r.log_between(0.02, 2)));
     return s;
 }
 

@@ -21,6 +21,8 @@ inline constexpr unsigned first_seed_of_conforming = 100'000;
 /// Seeds from here on are short: a third of the steps, in which all moves twice as far, and fewer fingers; now and then
 /// with settings that few touch, and turned objects.
 inline constexpr unsigned first_seed_of_short = 1'000'000;
+/// From here on every twelfth has a deadline, most of which nothing can keep.
+inline constexpr unsigned first_seed_of_deadlines = 1'400'000;
 inline bool is_short_scene(unsigned seed) { return seed >= first_seed_of_short; }
 /// And from here on of what fewer people write.
 inline constexpr unsigned first_seed_of_odd = 2'000'000;
