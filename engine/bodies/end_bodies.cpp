@@ -164,8 +164,8 @@ void end_lanes(Work& w) {
                 Evaluation<double> e;
                 e.residual = r.residual, e.violation = r.violation, e.penetration = r.penetration;
                 e.contact_force = r.contact_force, e.limited = r.limited;
-                c.status[lane] = detail::status_of<double>(e, w.s.islands[island_of(w, k, lane)].progress,
-                                                           w.s.cut.at >= 0, (reset >> lane) & 1u);
+                c.status[lane] = detail::status_of<double>(e, w.s.islands[island_of(w, k, lane)].progress, w.solver,
+                                                           (reset >> lane) & 1u);
             }
             end_slots(c, w.solver);
             settle_lanes(c, w.solver);

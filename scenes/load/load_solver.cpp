@@ -58,9 +58,8 @@ void read_solver(Section s, Scene& scene) {
     apply_preset(scene.preset, v);
     v.steadying_iterations = steadying_where_needed(scene);
     s.number("deadline_ms", scene.deadline, unit::ms, {0, 1e4},
-             "A step's iterations are cut short by this, and the next step has a lower preset; a higher one again when "
-             "there "
-             "is slack. 0: never.");
+             "A step's iterations are cut short by this, and the next step has a lower preset; a higher one again "
+             "when there is slack. 0: never.");
     s.integer("newton_iterations", v.newton_iterations, newton_iterations, "Most linear solves in one step.");
     s.number("tolerance", v.tolerance, unit::one, tolerance, "Force residual, relative to the forces acting.");
     s.number("multiplier_tolerance", v.multiplier_tolerance, unit::one, multiplier_tolerance,

@@ -226,7 +226,11 @@ void advance(Simulation& s, const StepInputs& inputs) {
     if (s.hardware)
         for (auto& loop : s.loops) loop->pose_stamps.done(device_clock());
     count_detail(w, s.detail);
-    if (s.governor) govern(*s.governor, w.profile.total(), w.deadline.cut_short);
+    if (s.governor) {
+        const bool cut_short = std::any_of(s.fingers.begin(), s.fingers.end(),
+                                           [&](EntityId finger) { return skin_status(w, finger).cut_short; });
+        govern(*s.governor, w.profile.total(), cut_short);
+    }
     if (!s.hardware)
         for (auto& loop : s.loops) tick(*loop, w.time);
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {

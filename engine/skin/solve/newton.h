@@ -308,7 +308,8 @@ inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e)
 }
 
 template <class R>
-inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const LaneProgress<R>& p, unsigned reset) {
+inline void record_status(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, const Evaluation<R>& e,
+                          const LaneProgress<R>& p, unsigned reset) {
     const unsigned converged = bits_from_mask<R>(p.converged);
     for (int l = 0; l < lane_width<R>; ++l) {
         if (!((active_lanes(c) >> l) & 1u)) continue;
@@ -323,9 +324,10 @@ inline void record_status(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, con
         progress.updates = double(lane(p.updates, l));
         progress.backtracks = double(lane(p.backtracks, l));
         progress.uphill = double(lane(p.uphill, l));
+        progress.budget = double(lane(p.budget, l));
         progress.extra = double(lane(p.extra, l));
         progress.converged = (converged >> l) & 1u;
-        c.status[std::size_t(l)] = status_of<R>(of_lane, progress, c.cut.at >= 0, (reset >> l) & 1u);
+        c.status[std::size_t(l)] = status_of<R>(of_lane, progress, settings, (reset >> l) & 1u);
     }
 }
 
@@ -423,7 +425,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     }
     const unsigned reset = detail::end_iteration<R>(c, e, solved, p.failed, p.converged);
     if (reset != 0) detail::forget_matrix<R>(c, mask_from_bits<R>(reset));
-    detail::record_status(c, e, p, reset);
+    detail::record_status(c, settings, e, p, reset);
     detail::end_step<R>(c, settings);
 }
 

@@ -165,7 +165,8 @@ inline DirectionVerdict<R> judge_direction(LaneProgress<R>& p, MaskOf<R> newton,
 
 /// What is reported of a lane that was solved, by code of lanes R.
 template <class R>
-inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<double>& p, bool cut, bool reset) {
+inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<double>& p, const SolverSettings& settings,
+                            bool reset) {
     SkinStatus s;
     s.newton_iterations = int(p.iterations);
     s.multiplier_updates = int(p.updates);
@@ -173,7 +174,7 @@ inline SkinStatus status_of(const Evaluation<double>& e, const LaneProgress<doub
     s.uphill_steps = int(p.uphill);
     s.extra_iterations = int(p.extra);
     s.converged = p.converged;
-    s.cut_short = cut && !p.converged;
+    s.cut_short = p.budget < settings.newton_iterations && !p.converged;
     s.reset = reset;
     if (reset) return s;
     s.residual_N = std::sqrt(e.residual);
