@@ -92,6 +92,11 @@ double central_difference(const std::function<double(const std::vector<double>&)
     return (high - f(x)) / (2 * h);
 }
 
+Modes symmetric_modes(const Eigen::MatrixXd& matrix) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix);
+    return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
 std::filesystem::path shared_data() {
     std::error_code error;
     for (const char* folder : {PALPATE_SOURCE_DIR "/../shared/data", PALPATE_SOURCE_DIR "/shared/data"})

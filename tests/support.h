@@ -51,6 +51,14 @@ LaneContact& touch_all(SkinChunk<T>& chunk, const LaneContact& object) {
 double central_difference(const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
                           std::size_t i, double h);
 
+/// Eigenvalues, in ascending order, and eigenvectors (columns) of a symmetric matrix. (A function: Eigen's solver takes
+/// seven seconds to compile in each source that has one.)
+struct Modes {
+    Eigen::VectorXd values;
+    Eigen::MatrixXd vectors;
+};
+Modes symmetric_modes(const Eigen::MatrixXd& matrix);
+
 /// Whether a condition comes true within fifteen seconds.
 template <class Condition>
 bool eventually(Condition condition) {

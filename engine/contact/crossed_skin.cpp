@@ -143,14 +143,33 @@ bool has_middle_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, co
     return in_tissue(c, lane, transform(o.pose, {0, 0, std::clamp(middle.z / near, -half, half)}));
 }
 
+/// Corners of a mesh that are deep in the tissue: one that comes in between nodes presses on none of them, and lies
+/// behind none.
+template <class T>
+int corners_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, const ContactSurface& surface) {
+    if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind != ShapeKind::mesh || o.shape.mesh->corners.empty()) return 0;
+    Vec3<double> low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = -low;
+    for (const Vec3<double>& x : surface.position)
+        for (int d = 0; d < 3; ++d) low[d] = std::min(low[d], x[d]), high[d] = std::max(high[d], x[d]);
+    int count = 0;
+    for (const Vec3<double>& corner : o.shape.mesh->corners) {
+        const Vec3<double> point = transform(o.pose, corner), p = inverse_transform(surface.bone, point);
+        bool near = true;
+        for (int d = 0; d < 3; ++d) near &= p[d] > low[d] && p[d] < high[d];
+        if (near && in_tissue(c, lane, point) && distance_to_pad(surface, p) > deep * surface.longest_edge) ++count;
+    }
+    return count;
+}
+
 }  // namespace
 
 template <class T>
 int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
     int count = 0;
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
-        if (!may_be_behind(c, lane, slot, surface)) continue;
         const LaneContact& o = c.contacts.at(slot, lane);
+        count += corners_inside(c, lane, o, surface);
+        if (!may_be_behind(c, lane, slot, surface)) continue;
         int behind = has_middle_inside(c, lane, o, surface);
         for (std::size_t s = 0; s < c.topology->samples.size(); ++s) behind += is_behind(c, lane, o, surface, s);
         count += behind;

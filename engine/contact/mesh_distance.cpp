@@ -156,6 +156,22 @@ void set_support(DistanceMesh& mesh) {
     }
 }
 
+/// Vertices about which faces fill less than a round angle, by more than this [rad]: a corner of a box lacks 1.57, a
+/// vertex on an edge or of something round nothing. (What a vertex lacks is the surface's curvature there.)
+constexpr double sharp = 0.5;
+
+void set_corners(DistanceMesh& mesh) {
+    const Surface& s = mesh.surface;
+    std::vector<double> around(s.vertices.size(), 0);
+    for (const auto& t : s.triangles)
+        for (int k = 0; k < 3; ++k) {
+            const Vec a = vertex(s, t[(k + 1) % 3]) - vertex(s, t[k]), b = vertex(s, t[(k + 2) % 3]) - vertex(s, t[k]);
+            around[t[k]] += std::atan2(norm(cross(a, b)), dot(a, b));
+        }
+    for (int i = 0; i < int(s.vertices.size()); ++i)
+        if (around[i] > 0 && around[i] < 2 * M_PI - sharp) mesh.corners.push_back(vertex(s, i));
+}
+
 }  // namespace
 
 Found nearest_triangle(const DistanceMesh& mesh, const Vec& x, int guess) {
@@ -227,6 +243,7 @@ DistanceMesh build_distance_mesh(const Surface& surface, double smoothing) {
     mesh.triangles = std::move(sorted);
     mesh.normals = std::move(sorted_normals);
     set_support(mesh);
+    set_corners(mesh);
     build_field(mesh, smoothing);
     return mesh;
 }

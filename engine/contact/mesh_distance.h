@@ -52,6 +52,7 @@ struct DistanceMesh {
     Vec3<double> centroid{0, 0, 0};               ///< [m]
     Mat3<double> inertia = Mat3<double>::zero();  ///< about the centroid [m^5]
     std::vector<Vec3<double>> support;            ///< outermost vertices in many directions: contact with other objects
+    std::vector<Vec3<double>> corners;            ///< vertices that may stick between nodes of a skin
 };
 
 struct MeshPoint {

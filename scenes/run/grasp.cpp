@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/svd3.h"
 #include "scenes/run/wrapped.h"
 
 namespace palpate {
@@ -33,7 +34,8 @@ double friction_of(const SceneSpec& spec, int finger, int object) {
     return spec.objects[std::size_t(object)].friction;
 }
 
-/// Samples with which a finger touches an object, seen from its centre of mass.
+}  // namespace
+
 void read_grip(const Simulation& s, std::size_t finger, int object, std::vector<GripSample>& grip) {
     grip.clear();
     const World& w = s.world;
@@ -56,6 +58,8 @@ void read_grip(const Simulation& s, std::size_t finger, int object, std::vector<
         grip.push_back({x - centre, normal, friction * std::max(0.0, pressed), pressed * normal - c.force[k]});
     }
 }
+
+namespace {
 
 /// Where a finger's samples are on a body, and by how much those that touch it have moved over it since the last step,
 /// mean by force: to and fro cancels, which a sum of lengths does not.
@@ -131,6 +135,27 @@ void record_bodies(Simulation& s) {
     }
 }
 
+double grasp_capacity(const std::vector<GripSample>& all, double mass, const Vec3<double>& gravity) {
+    if (all.empty() || !(mass * norm(gravity) > 0)) return 0;
+    Motion weight = Motion::Zero();
+    weight.head<3>() << -mass * gravity.x, -mass * gravity.y, -mass * gravity.z;
+    // Between two flat faces friction resists nothing along their normal, and need not.
+    constexpr double flat = 0.95;
+    Mat3<double> along_normals = Mat3<double>::zero();
+    double total = 0;
+    for (const GripSample& s : all) {
+        along_normals = along_normals + s.friction_limit * outer(s.normal, s.normal);
+        total += s.friction_limit;
+    }
+    const SignedSvd<double> svd = signed_svd(along_normals);
+    const int first = svd.sigma.x > flat * total ? 1 : 0;
+    WrenchBasis kept = WrenchBasis::Zero(6, 6 - first);
+    for (int k = first; k < 3; ++k)
+        for (int d = 0; d < 3; ++d) kept(d, k - first) = svd.V[d][k];
+    kept.bottomRightCorner<3, 3>().setIdentity();
+    return 1 + wrench_reserve(all, weight, kept);
+}
+
 std::vector<BodySummary> summarise_bodies(const Simulation& s) {
     std::vector<BodySummary> all;
     for (int b = 0; b < int(s.world.bodies.size()); ++b) {
@@ -182,6 +207,11 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
             out.grips.push_back(g);
         }
         if (lost) out.dropped_at_s = time[last];
+        std::vector<GripSample> all_grips;
+        for (std::size_t i = 0; i < s.fingers.size(); ++i)
+            for (const GripSample& g : s.last_grips[std::size_t(b) * s.fingers.size() + i].samples)
+                all_grips.push_back(g);
+        out.slips_at_weights = grasp_capacity(all_grips, s.world.bodies[std::size_t(b)].mass, s.world.gravity);
         all.push_back(out);
     }
     return all;
@@ -205,6 +235,10 @@ std::string to_text(const std::vector<BodySummary>& bodies) {
                 out += written("  %-12s %8.3f %9.1f %8.3f %9.3f %9.3f %9.3f\n", g.finger.c_str(), g.mean_N,
                                100 * g.friction_use, g.slip_mm, g.reserve.weakest_N, g.reserve.load_N,
                                g.reserve.twist_N_mm);
+            if (b.slips_at_weights > 0)
+                out += wrapped(
+                    written("gripped like this, %s would slip at %.2f times its weight", name, b.slips_at_weights),
+                    "  ");
             if (b.slip_mm > 1)
                 out += wrapped(b.name + " slipped through the fingers: grip harder, or give it more friction", "  ");
             if (b.dropped_at_s >= 0) out += written("  %s was dropped at t = %.2f s\n", name, b.dropped_at_s);

@@ -33,8 +33,19 @@ struct BodySummary {
     double balance = 0;        ///< median of |contact force + weight - mass x acceleration| / weight while held
     double converged_share = 0;
     int resets = 0;
+    double slips_at_weights = 0;     ///< grasp_capacity
     std::vector<GripSummary> grips;  ///< of fingers that touched it while held
 };
+
+/// Samples with which a finger touches a body now, seen from its centre of mass.
+void read_grip(const Simulation& simulation, std::size_t finger, int object, std::vector<GripSample>& grip);
+
+/// How many times its weight a body might weigh before it slips out of all fingers whose samples (about its centre of
+/// mass) are given, normal forces as they are: the limit of the whole grasp. Fingers that are not straight opposite
+/// each other spend friction on torques and on each other, so this is less than 2 mu N over the weight. What goes along
+/// the normals of two flat faces is left to normal forces. 0: nothing holds it, or it weighs nothing.
+double grasp_capacity(const std::vector<GripSample>& all, double mass, const Vec3<double>& gravity);
+
 std::vector<BodySummary> summarise_bodies(const Simulation& simulation);
 
 /// What there is to say about a body, as lines of text.

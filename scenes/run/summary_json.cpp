@@ -87,6 +87,7 @@ nlohmann::json to_json(const Summary& s) {
                          {"slip_mm", b.slip_mm}, {"drift_mm", b.drift_mm},
                          {"balance", b.balance}, {"converged_share", b.converged_share},
                          {"resets", b.resets},   {"grips", nlohmann::json::array()}};
+        if (b.slips_at_weights > 0) k["slips_at_weights"] = b.slips_at_weights;
         if (b.dropped_at_s >= 0) k["dropped_at_s"] = b.dropped_at_s;
         for (const GripSummary& g : b.grips)
             k["grips"].push_back({{"finger", g.finger},

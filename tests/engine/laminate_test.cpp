@@ -1,6 +1,6 @@
 // Elements that hold several layers of skin: a membrane along the skin.
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <map>
 #include <set>
 
@@ -100,8 +100,8 @@ TEST_P(MembraneDerivatives, MatrixWithoutExactnessIsPositive) {
         evaluate_tissue(c, 0.0);
         const auto m = matrix_of(c);
         const Eigen::Index n = 3 * c.topology->node_count;
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::Map<const Eigen::MatrixXd>(m.data(), n, n));
-        EXPECT_GT(solver.eigenvalues()[0], -1e-9 * solver.eigenvalues()[n - 1]) << seed;
+        const Eigen::VectorXd eigenvalues = symmetric_modes(Eigen::Map<const Eigen::MatrixXd>(m.data(), n, n)).values;
+        EXPECT_GT(eigenvalues[0], -1e-9 * eigenvalues[n - 1]) << seed;
     }
 }
 

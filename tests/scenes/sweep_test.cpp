@@ -281,10 +281,10 @@ TEST(Stress, RandomScenesBreakNoLaw) {
 /// Scenes that once broke a law: energy in long steps that end early (190, 421), rounding of stiff springs (1093,
 /// float); what had come through skin and was not looked for (1012206), an overlap's offset left behind between fingers
 /// (1012281), a finger over the rim of soft tissue taken to be inside (1020712), contact forces that grew from step to
-/// step without bound (1030701).
+/// step without bound (1030701), a mesh's corner between nodes (2401135).
 TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     const ScratchFolder folder;
-    for (const char* seed : {"190", "421", "1093", "1012206", "1012281", "1020712", "1030701"}) {
+    for (const char* seed : {"190", "421", "1093", "1012206", "1012281", "1020712", "1030701", "2401135"}) {
         const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) + " --out " +
                                           folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;

@@ -2,6 +2,8 @@
 
 #include <random>
 
+#include "meshes/mesh_files.h"
+#include "scenes/run/grasp.h"
 #include "scenes/run/wrench_reserve.h"
 #include "tests/support.h"
 
@@ -84,6 +86,70 @@ TEST(WrenchReserve, BoundsWhatRandomFrictionsReach) {
             most = std::max(most, 1 / reach);
         }
         EXPECT_GT(most, 0.9) << "frictions that all turn the same way nearly reach the surface";
+    }
+}
+
+/// A pinch whose fingers are not straight opposite each other and open: it slips where the limit of its whole grasp is,
+/// with the normal forces of the last step in which it held. What that is below 2 mu N is friction that torques take.
+TEST(WrenchReserve, AnAsymmetricPinchSlipsAtTheLimitOfItsGrasp) {
+    const testing::ScratchFolder scratch;
+    write_file(scratch.path / "scene.toml", R"(
+duration_s = 1.8
+dt_ms = 5
+[limits]
+low = 0.6
+high = 1.4
+[[object]]
+name = "cube"
+kind = "box"
+size_mm = [20, 20, 20]
+position_mm = [0, 0, 10]
+mass_g = 100
+friction = 0.5
+release_s = 0.6
+[[finger]]
+name = "thumb"
+shape = { finger = "thumb" }
+track = [
+    { t_s = 0, position_mm = [0, -22, 10], rotation_deg = [90, 0, 0] },
+    { t_s = 0.4, position_mm = [0, -14.5, 10], rotation_deg = [90, 0, 0] },
+    { t_s = 0.8, position_mm = [0, -14.5, 10], rotation_deg = [90, 0, 0] },
+    { t_s = 1.8, position_mm = [0, -20.5, 10], rotation_deg = [90, 0, 0] },
+]
+[[finger]]
+name = "index"
+shape = { finger = "index" }
+track = [
+    { t_s = 0, position_mm = [1.5, 22, 11], rotation_deg = [-90, 0, 0] },
+    { t_s = 0.4, position_mm = [1.5, 13.5, 11], rotation_deg = [-90, 0, 0] },
+]
+)");
+    for (const char* preset : {"fast", "balanced", "reference"}) {
+        Simulation s =
+            make_simulation(load_scene(scratch.path / "scene.toml", {"solver.preset=" + std::string(preset)}), 1);
+        double capacity = 0, share = 0;
+        int sliding = 0;
+        while (sliding < 4 && s.world.time < 1.8) {
+            advance(s);
+            if (s.world.time < 1) continue;
+            const RigidBody& cube = s.world.bodies[0];
+            double normal = 0;
+            for (const EntityId f : s.fingers) normal += s.world.contact_surfaces.find(f)->normal_force;
+            sliding = cube.velocity.z < -0.01 ? sliding + 1 : 0;
+            if (sliding > 0) continue;
+            std::vector<GripSample> all, of_finger;
+            for (std::size_t f = 0; f < s.fingers.size(); ++f) {
+                read_grip(s, f, 0, of_finger);
+                all.insert(all.end(), of_finger.begin(), of_finger.end());
+            }
+            capacity = grasp_capacity(all, cube.mass, s.world.gravity);
+            share = cube.mass * 9.81 / (0.5 * normal);
+        }
+        std::printf("%s: slips at %.3f of 2 mu N, at %.3f of the limit of the grasp\n", preset, share, 1 / capacity);
+        EXPECT_EQ(sliding, 4) << preset;
+        EXPECT_LT(share, 1) << preset;
+        EXPECT_GT(1 / capacity, 0.95) << preset << ": slips early";
+        EXPECT_LT(1 / capacity, 1 + 1e-3) << preset << ": holds more than friction does";
     }
 }
 
