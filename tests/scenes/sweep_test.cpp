@@ -271,7 +271,7 @@ TEST(Stress, RandomScenesBreakNoLaw) {
     const char* count = std::getenv("PALPATE_RANDOM_SCENES");
     const ScratchFolder folder;
     // Uniform fingers, those of which nothing is said, short ones of both, and of what fewer people write.
-    for (const auto& [seed, few] : {std::pair{"1", "20"}, {"100000", "15"}, {"1000000", "150"}, {"2000000", "50"}}) {
+    for (const auto& [seed, few] : {std::pair{"1", "10"}, {"100000", "10"}, {"1000000", "80"}, {"2000000", "30"}}) {
         const Outcome o = palpate_program("stress --random " + std::string(count ? count : few) + " --seed " + seed +
                                           " --no-shrink --out " + folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
