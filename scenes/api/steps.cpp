@@ -239,7 +239,7 @@ int32_t palpate_step_many(const PalpateWorld* worlds, int32_t count, int32_t n) 
             Outcome& o = all[i];
             o.result = session.result() != PALPATE_OK ? session.result() : step_some(*session, n);
             if (o.result != PALPATE_OK)
-                std::snprintf(o.message, sizeof o.message, "world %d of the list: %s", i, palpate_last_error());
+                std::snprintf(o.message, sizeof o.message, "world %d of the list: %.160s", i, palpate_last_error());
         });
         for (int32_t i = 0; i < count; ++i)
             if (all[i].result != PALPATE_OK) return fail(all[i].result, all[i].message);
