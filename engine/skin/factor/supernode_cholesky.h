@@ -12,62 +12,87 @@ namespace palpate {
 
 namespace detail {
 
-/// Three columns of the target, `rows` scalars each, minus the products of `columns` block columns of the source with
-/// the transposed 3x3 blocks in their rows from `block_row` on.
-template <class V, class T>
+/// C columns of the target (one block column, or two), `rows` scalars each, minus the products of `columns` block
+/// columns of the source with the transposed blocks in their rows from `block_row` on.
+template <class V, int C, class T>
 inline void subtract_products(T* target, std::size_t target_stride, const T* source, std::size_t source_stride,
                               int columns, int rows, int block_row = 0) {
     constexpr int W = lane_width<V>;
     auto strip = [&](int row, auto count) {
         constexpr int N = decltype(count)::value;
-        V S[N][3];
+        V S[N][C];
         for (int n = 0; n < N; ++n)
-            for (int c = 0; c < 3; ++c) S[n][c] = load<V>(target + std::size_t(c) * target_stride + row + n * W);
+            for (int c = 0; c < C; ++c) S[n][c] = load<V>(target + std::size_t(c) * target_stride + row + n * W);
         const T* a = source;
         for (int k = 0; k < columns; ++k, a += 3 * source_stride) {
             V A[N][3];
             for (int n = 0; n < N; ++n)
                 for (int m = 0; m < 3; ++m) A[n][m] = load<V>(a + std::size_t(m) * source_stride + row + n * W);
-            for (int c = 0; c < 3; ++c) {
+            for (int c = 0; c < C; ++c) {
                 const T* b = a + block_row + c;
                 const V b0(b[0]), b1(b[source_stride]), b2(b[2 * source_stride]);
                 for (int n = 0; n < N; ++n) S[n][c] -= A[n][0] * b0 + A[n][1] * b1 + A[n][2] * b2;
             }
         }
         for (int n = 0; n < N; ++n)
-            for (int c = 0; c < 3; ++c) store(target + std::size_t(c) * target_stride + row + n * W, S[n][c]);
+            for (int c = 0; c < C; ++c) store(target + std::size_t(c) * target_stride + row + n * W, S[n][c]);
     };
     int row = 0;
     for (; row + W < rows; row += 2 * W) strip(row, std::integral_constant<int, 2>{});
     if (row < rows) strip(row, std::integral_constant<int, 1>{});
 }
 
+/// Whether two block columns, two registers of rows high, fit the registers: 32 of them, of 64 bytes.
+template <class V>
+inline constexpr bool many_registers = sizeof(V) == 64;
+
 /// Applies one update to the target's panel by way of `work`, where the target's rows lie as the source has them. All
 /// columns are gathered before the first is used: a register cannot be loaded at once from what was just stored in
-/// parts.
+/// parts. Where there are registers enough, two block columns are updated at once: the source, which need not fit the
+/// nearest cache, is read half as often.
 template <class V, class T>
 inline void apply_update(const SupernodeFactor& f, const SupernodeUpdate& u, const Supernode& target, T* panels,
                          T* work) {
+    constexpr int W = lane_width<V>;
     const Supernode& source = f.supernodes[u.source];
     const int* place = &f.target_rows[u.first_target_row];
-    const int count = source.row_count - u.begin;
+    const RowRun *first = &f.runs[u.first_run], *last = first + u.run_count;
+    const int count = source.row_count - u.begin, columns = u.end - u.begin;
     const std::size_t width = target.stride, stride = std::size_t(3 * count + 2 * 16);
-    auto column = [&](int t) { return panels + target.panel + std::size_t(3 * place[t - u.begin]) * width; };
-    for (int t = u.begin; t < u.end; ++t)
+    for (int t = 0; t < columns; ++t)
         for (int c = 0; c < 3; ++c) {
-            const T* from = column(t) + c * width;
-            T* to = work + std::size_t(3 * (t - u.begin) + c) * stride;
-            for (int i = t - u.begin; i < count; ++i) std::memcpy(to + 3 * i, from + 3 * place[i], 3 * sizeof(T));
+            const T* from = panels + target.panel + std::size_t(3 * place[t] + c) * width;
+            T* to = work + std::size_t(3 * t + c) * stride;
+            for (const RowRun* r = first; r != last; ++r)  // what is copied past the end of a run the next overwrites
+                for (int i = 0; i < 3 * r->count; i += W)
+                    store(to + 3 * r->source + i, load<V>(from + 3 * r->target + i));
         }
-    for (int t = u.begin; t < u.end; ++t)
-        subtract_products<V>(work + std::size_t(3 * (t - u.begin)) * stride + 3 * (t - u.begin), stride,
-                             panels + source.panel + 3 * t, source.stride, source.column_count,
-                             3 * (source.row_count - t));
-    for (int t = u.begin; t < u.end; ++t)
+    for (int t = 0; t < columns;) {
+        T* to = work + std::size_t(3 * t) * stride + 3 * t;
+        const T* from = panels + source.panel + 3 * (u.begin + t);
+        if (many_registers<V> && t + 1 < columns) {  // what the second has above its diagonal is never read
+            subtract_products<V, 6>(to, stride, from, source.stride, source.column_count, 3 * (count - t));
+            t += 2;
+        } else {
+            subtract_products<V, 3>(to, stride, from, source.stride, source.column_count, 3 * (count - t));
+            t += 1;
+        }
+    }
+    for (int t = 0; t < columns; ++t)
         for (int c = 0; c < 3; ++c) {
-            const T* from = work + std::size_t(3 * (t - u.begin) + c) * stride;
-            T* to = column(t) + c * width;
-            for (int i = t - u.begin; i < count; ++i) std::memcpy(to + 3 * place[i], from + 3 * i, 3 * sizeof(T));
+            const T* from = work + std::size_t(3 * t + c) * stride;
+            T* to = panels + target.panel + std::size_t(3 * place[t] + c) * width;
+            for (const RowRun* r = first; r != last; ++r) {
+                const T* a = from + 3 * r->source;
+                T* b = to + 3 * r->target;
+                const int scalars = 3 * r->count;
+                if (scalars < W) {
+                    for (int i = 0; i < scalars; i += 3) std::memcpy(b + i, a + i, 3 * sizeof(T));
+                    continue;
+                }
+                for (int i = 0; i + W < scalars; i += W) store(b + i, load<V>(a + i));
+                store(b + scalars - W, load<V>(a + scalars - W));
+            }
         }
 }
 
@@ -79,10 +104,9 @@ inline void factor_panel(const Supernode& s, ScalarOf<R>* panel, R& bad_pivots) 
     constexpr int W = lane_width<V>;
     const std::size_t stride = s.stride;
     const int rows = 3 * s.row_count;
-    for (int j = 0; j < s.column_count; ++j) {
-        T* column = panel + std::size_t(3 * j) * stride;
+    auto divide = [&](int j) {
         const int first = 3 * j / W * W;
-        subtract_products<V>(column + first, stride, panel + first, stride, j, rows - first, 3 * j - first);
+        T* column = panel + std::size_t(3 * j) * stride;
         Mat3<R> S;
         for (int i = 0; i < 9; ++i) S.m[i / 3][i % 3] = R(column[std::size_t(i % 3) * stride + 3 * j + i / 3]);
         const Mat3<R> L = factor_diagonal(S, bad_pivots);
@@ -97,6 +121,24 @@ inline void factor_panel(const Supernode& s, ScalarOf<R>* panel, R& bad_pivots) 
             store(column + 2 * stride + i, x2);
         }
         for (int i = 0; i < 9; ++i) column[std::size_t(i % 3) * stride + 3 * j + i / 3] = lane(L.m[i / 3][i % 3], 0);
+    };
+    // Column j minus the products of columns from `from` on.
+    auto subtract = [&](auto count, int j, int from) {
+        const int first = 3 * j / W * W;
+        subtract_products<V, decltype(count)::value>(panel + std::size_t(3 * j) * stride + first, stride,
+                                                     panel + std::size_t(3 * from) * stride + first, stride, j - from,
+                                                     rows - first, 3 * j - first);
+    };
+    for (int j = 0; j < s.column_count; ++j) {
+        if (many_registers<V> && j + 1 < s.column_count) {
+            subtract(std::integral_constant<int, 6>{}, j, 0);
+            divide(j);
+            subtract(std::integral_constant<int, 3>{}, j + 1, j);
+            ++j;
+        } else {
+            subtract(std::integral_constant<int, 3>{}, j, 0);
+        }
+        divide(j);
     }
 }
 

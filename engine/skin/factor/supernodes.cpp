@@ -80,12 +80,19 @@ SupernodeFactor build_supernodes(const BlockPattern& p) {
             while (end < s.row_count && row(end) < t.first_column + t.column_count) ++end;
             const std::size_t columns = std::size_t(3 * (end - begin));
             f.work_scalars = std::max(f.work_scalars, columns * std::size_t(3 * (s.row_count - begin) + 2 * padding));
-            updates[std::size_t(target)].push_back({source, begin, end, int(f.target_rows.size())});
+            SupernodeUpdate update{source, begin, end, int(f.target_rows.size()), int(f.runs.size()), 0};
             auto at = f.rows.begin() + t.first_row;
             for (int i = begin; i < s.row_count; ++i) {
                 at = std::find(at, f.rows.begin() + t.first_row + t.row_count, row(i));
-                f.target_rows.push_back(int(at - f.rows.begin()) - t.first_row);
+                const int place = int(at - f.rows.begin()) - t.first_row;
+                if (i > begin && place == f.target_rows.back() + 1)
+                    ++f.runs.back().count;
+                else
+                    f.runs.push_back({i - begin, place, 1});
+                f.target_rows.push_back(place);
             }
+            update.run_count = int(f.runs.size()) - update.first_run;
+            updates[std::size_t(target)].push_back(update);
             begin = end;
         }
     }

@@ -22,9 +22,15 @@ struct Supernode {
 
 /// How an earlier supernode changes a later one.
 struct SupernodeUpdate {
-    int source;            ///< supernode
-    int begin, end;        ///< block rows of the source that lie in the target's columns
-    int first_target_row;  ///< in `target_rows`: where the source's rows from `begin` on lie in the target
+    int source;                ///< supernode
+    int begin, end;            ///< block rows of the source that lie in the target's columns
+    int first_target_row;      ///< in `target_rows`: where the source's rows from `begin` on lie in the target
+    int first_run, run_count;  ///< in `runs`: the same
+};
+
+/// Consecutive block rows of a source, from SupernodeUpdate::begin on, that are consecutive in the target, too.
+struct RowRun {
+    int source, target, count;
 };
 
 struct SupernodeFactor {
@@ -32,6 +38,7 @@ struct SupernodeFactor {
     std::vector<int> rows;
     std::vector<SupernodeUpdate> updates;  ///< by target, sources ascending
     std::vector<int> target_rows;
+    std::vector<RowRun> runs;
     std::vector<std::size_t> block_offset;  ///< [block of the pattern] its place in the panels [scalars]
     std::size_t panel_scalars = 0;          ///< size of all panels
     std::size_t work_scalars = 0;           ///< size of the work memory of a factorisation or a solve
