@@ -175,17 +175,19 @@ struct ElementSums {
     }
 };
 
-/// Adds the first `count` of them (no more than forces: ElementSums::stiffness) to the chunk. Element after element: a
-/// sum of a node's is then the same in whatever register its elements were.
+/// The same as memory holds it, element after element. (For Want::forces, no more than forces.)
+template <class R>
+struct ElementNumbers {
+    static constexpr std::size_t count = ElementSums<RegisterOf<R>>::count;
+    alignas(64) std::array<ScalarOf<R>, std::size_t(elements_at_once<R>) * count> of_element;
+    const ScalarOf<R>* of(int k) const { return &of_element[std::size_t(k) * count]; }
+};
 template <Want want, class R, class Q>
-inline void add_element_sums(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements,
-                             const ElementSums<Q>& sums) {
+inline void turn(const ElementSums<Q>& sums, ElementNumbers<R>& out) {
     using T = ScalarOf<R>;
     using Row = HalfRegister<T>;
     constexpr std::size_t side = sizeof(Row) / sizeof(T), lanes = elements_at_once<R>, numbers = ElementSums<Q>::count;
     constexpr std::size_t used = want == Want::forces ? ElementSums<Q>::stiffness : numbers;
-    // What a register holds of all elements becomes what memory holds of each.
-    alignas(64) std::array<T, lanes * numbers> of_element;
     for (std::size_t i = 0; i < used; i += side)
         for (std::size_t first = 0; first < lanes; first += side) {
             Row row[side];
@@ -193,28 +195,34 @@ inline void add_element_sums(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>
                 std::memcpy(&row[k], reinterpret_cast<const T*>(&sums.number[i + k].v) + first, sizeof(Row));
             transpose_square(row);
             for (std::size_t k = 0; k < side; ++k)
-                std::memcpy(&of_element[(first + k) * numbers + i], &row[k], sizeof(Row));
+                std::memcpy(&out.of_element[(first + k) * numbers + i], &row[k], sizeof(Row));
         }
+}
+
+/// Adds what element e adds to a finger alone. Element after element: a sum of a node's is then the same in whatever
+/// register its elements were.
+template <Want want, class R>
+inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const ScalarOf<R>* from) {
+    using T = ScalarOf<R>;
+    using Row = HalfRegister<T>;
+    constexpr std::size_t side = sizeof(Row) / sizeof(T);
     T* gradient = c.scratch.gradient.data();
-    for (std::size_t k = 0; k < std::size_t(elements.count); ++k) {
-        const T* from = &of_element[k * numbers];
-        const auto& nodes = c.topology->elements[elements.first + k];
-        for (std::size_t a = 0; a < 4; ++a)
-            for (int i = 0; i < 3; ++i) gradient[3 * nodes[a] + i] += from[3 * a + std::size_t(i)];
-        if constexpr (want == Want::forces_and_matrix) {
-            from += ElementSums<Q>::stiffness;
-            for (int block : c.topology->element_block[elements.first + k]) {
-                T* to = &c.scratch.blocks[9 * std::size_t(block)];
-                for (std::size_t i = 0; i < 8; i += side) {
-                    Row sum, term;
-                    std::memcpy(&sum, to + i, sizeof(Row));
-                    std::memcpy(&term, from + i, sizeof(Row));
-                    sum += term;
-                    std::memcpy(to + i, &sum, sizeof(Row));
-                }
-                to[8] += from[8];
-                from += 9;
+    const auto& nodes = c.topology->elements[e];
+    for (std::size_t a = 0; a < 4; ++a)
+        for (int i = 0; i < 3; ++i) gradient[3 * nodes[a] + i] += from[3 * a + std::size_t(i)];
+    if constexpr (want == Want::forces_and_matrix) {
+        from += ElementSums<RegisterOf<R>>::stiffness;
+        for (int block : c.topology->element_block[e]) {
+            T* to = &c.scratch.blocks[9 * std::size_t(block)];
+            for (std::size_t i = 0; i < 8; i += side) {
+                Row sum, term;
+                std::memcpy(&sum, to + i, sizeof(Row));
+                std::memcpy(&term, from + i, sizeof(Row));
+                sum += term;
+                std::memcpy(to + i, &sum, sizeof(Row));
             }
+            to[8] += from[8];
+            from += 9;
         }
     }
 }
@@ -294,33 +302,47 @@ inline void begin_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     }
 }
 
-/// Adds forces, and where wanted stiffness, of the elements of one register; leaves their turned shape gradients.
+/// Forces, and where wanted stiffness, of the elements of a register that a finger has for itself; leaves their turned
+/// shape gradients.
+template <Want want, class R, class Q>
+inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness,
+                            Vec3<Q> r[3], ElementNumbers<R>& out) {
+    Vec3<Q> force[4];
+    corotational_force(s, mu, pressure, force);
+    ElementSums<Q> sums;
+    for (std::size_t i = 0; i < 12; ++i) sums.number[i] = force[i / 3][int(i % 3)];
+    if constexpr (want == Want::forces_and_matrix) {
+        for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
+        corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, const Mat3<Q>& K) {
+            Q* to = &sums.number[ElementSums<Q>::stiffness + 9 * std::size_t(k)];
+            for (int i = 0; i < 9; ++i) to[i] = K.m[i / 3][i % 3];
+        });
+    }
+    turn<want, R>(sums, out);
+}
+
+/// Adds them, or those of one element of several fingers.
 template <Want want, class R, class Q>
 inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
                           const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
-    Vec3<Q> force[4];
-    corotational_force(s, mu, pressure, force);
-    auto add_stiffness = [&](auto emit) {
-        if constexpr (want == Want::forces_and_matrix) {
-            for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
-            corotational_stiffness(s, r, mu, lambda, pressure, exactness, emit);
-        }
-    };
     if constexpr (std::is_same_v<R, Q>) {
+        Vec3<Q> force[4];
+        corotational_force(s, mu, pressure, force);
         const auto& nodes = c.topology->elements[elements.first];
         const auto& blocks = c.topology->element_block[elements.first];
         for (std::size_t a = 0; a < 4; ++a)
             add_vec3<R>(&c.scratch.gradient[std::size_t(3 * nodes[a] * lane_width<R>)], force[a]);
-        add_stiffness(
-            [&](int k, const Mat3<R>& K) { add_block<R>(c.scratch.blocks.data(), blocks[std::size_t(k)], K); });
+        if constexpr (want == Want::forces_and_matrix) {
+            for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
+            corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, const Mat3<R>& K) {
+                add_block<R>(c.scratch.blocks.data(), blocks[std::size_t(k)], K);
+            });
+        }
     } else {
-        ElementSums<Q> sums;
-        for (std::size_t i = 0; i < 12; ++i) sums.number[i] = force[i / 3][int(i % 3)];
-        add_stiffness([&](int k, const Mat3<Q>& K) {
-            Q* to = &sums.number[ElementSums<Q>::stiffness + 9 * std::size_t(k)];
-            for (int i = 0; i < 9; ++i) to[i] = K.m[i / 3][i % 3];
-        });
-        add_element_sums<want, R>(c, elements, sums);
+        ElementNumbers<R> numbers;
+        element_numbers<want, R>(s, mu, lambda, pressure, exactness, r, numbers);
+        for (int k = 0; k < elements.count; ++k)
+            add_element<want, R>(c, elements.first + std::size_t(k), numbers.of(k));
     }
 }
 

@@ -20,62 +20,138 @@ inline void add_patch_blocks(SkinChunk<ScalarOf<R>>& c, const VolumePatch& patch
     }
 }
 
-/// Elasticity of the elements of one patch; notes strain limits.
+/// Elasticity of the elements of one patch of several fingers; notes strain limits.
 template <Want want, class R>
 inline void add_patch(SkinChunk<ScalarOf<R>>& c, std::size_t number, const ElementRequest<R>& request,
                       Evaluation<R>& out) {
     using T = ScalarOf<R>;
-    using Q = RegisterOf<R>;
-    constexpr int W = lane_width<R>, step = elements_at_once<R>;
+    constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
     const VolumePatch& patch = t.patches[number];
-    auto group = [&](int k) {
-        return ElementGroup<R, Q>(std::size_t(patch.first + k), std::min(step, patch.count - k));
-    };
-    Corotated<Q> state[(most_patch_elements + step - 1) / step];
+    auto element = [&](int k) { return ElementGroup<R, R>(std::size_t(patch.first + k), 1); };
+    Corotated<R> state[most_patch_elements];
     R dilatation(0);  // [m^3]
-    const int groups = (patch.count + step - 1) / step;
-    for (int n = 0; n < groups; n += rotations_at_once)
-        corotate<R, Q>(
-            c, std::min(rotations_at_once, groups - n), [&](int i) { return group((n + i) * step); }, state + n);
-    for (int k = 0; k < patch.count; k += step) {
-        const Corotated<Q>& s = state[k / step];
-        const Q change = s.volume * s.stretch;
-        for (int i = 0; i < std::min(step, patch.count - k); ++i) dilatation += part_of<R>(change, i);
-    }
+    for (int k = 0; k < patch.count; k += rotations_at_once)
+        corotate<R, R>(
+            c, std::min(rotations_at_once, patch.count - k), [&](int i) { return element(k + i); }, state + k);
+    for (int k = 0; k < patch.count; ++k) dilatation += state[k].volume * state[k].stretch;
     const R bulk = load<R>(&c.rest.patch_bulk[number * W]), pressure = bulk * dilatation;
     out.energy += R(T(0.5)) * pressure * dilatation;
 
     Vec3<R> slope[4 * most_patch_elements];
     for (int a = 0; a < patch.node_count; ++a) slope[a] = {R(0), R(0), R(0)};
-    for (int k = 0; k < patch.count; k += step) {
-        const ElementGroup<R, Q> elements = group(k);
-        const Corotated<Q>& s = state[k / step];
-        const Q mu = elements.load(c.rest.mu), energy = shape_energy(s, mu);
-        for (int i = 0; i < elements.count; ++i) out.energy += part_of<R>(energy, i);
-        Vec3<Q> r[3];
-        add_corotated<want, R, Q>(c, elements, s, mu, Q(0), repeat_part<Q>(pressure), repeat_part<Q>(request.exactness),
-                                  r);
-        if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
+    for (int k = 0; k < patch.count; ++k) {
+        const Corotated<R>& s = state[k];
+        const R mu = load<R>(&c.rest.mu[std::size_t(patch.first + k) * W]);
+        out.energy += shape_energy(s, mu);
+        Vec3<R> r[3];
+        add_corotated<want, R, R>(c, element(k), s, mu, R(0), pressure, request.exactness, r);
+        if (c.has_limits) note_limits<R, R>(c, element(k), s, request.watches);
         if constexpr (want == Want::forces_and_matrix) {
-            for (auto& v : r) v = s.volume * v;
-            for (int i = 0; i < elements.count; ++i) {
-                const auto& place = t.element_place[elements.first + std::size_t(i)];
-                for (std::size_t a = 0; a < 3; ++a) {
-                    const Vec3<R> of_node{part_of<R>(r[a].x, i), part_of<R>(r[a].y, i), part_of<R>(r[a].z, i)};
-                    slope[place[a + 1]] += of_node;
-                    slope[place[0]] -= of_node;
-                }
+            const auto& place = t.element_place[std::size_t(patch.first + k)];
+            for (std::size_t a = 0; a < 3; ++a) {
+                const Vec3<R> of_node = s.volume * r[a];
+                slope[place[a + 1]] += of_node;
+                slope[place[0]] -= of_node;
             }
         }
     }
     if constexpr (want == Want::forces_and_matrix) add_patch_blocks<R>(c, patch, slope, bulk);
 }
 
+/// The same of patches `first` to `last` (not with it) of a finger alone, whose elements follow each other: registers
+/// are filled with elements of several patches, and all is added up in the order in which one patch after the other
+/// would be.
+template <Want want, class R>
+inline void add_patches_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, std::size_t last,
+                               const ElementRequest<R>& request, Evaluation<R>& out) {
+    using T = ScalarOf<R>;
+    using Q = RegisterOf<R>;
+    constexpr int step = elements_at_once<R>, most = step * rotations_at_once;
+    static_assert(lane_width<R> == 1 && most >= most_patch_elements);
+    const SkinTopology& t = *c.topology;
+    const int begin = t.patches[first].first, count = t.patches[last - 1].first + t.patches[last - 1].count - begin;
+    auto group = [&](int n) {
+        return ElementGroup<R, Q>(std::size_t(begin + n * step), std::min(step, count - n * step));
+    };
+    const int groups = (count + step - 1) / step;
+    Corotated<Q> state[rotations_at_once];
+    corotate<R, Q>(c, groups, group, state);
+    Q mu[rotations_at_once];
+    alignas(64) std::array<T, most> change, energy, pressure;  // of elements
+    std::array<R, most> bulk;                                  // of patches
+    for (int n = 0; n < groups; ++n) {
+        mu[n] = group(n).load(c.rest.mu);
+        store<Q>(&change[std::size_t(n * step)], state[n].volume * state[n].stretch);
+        store<Q>(&energy[std::size_t(n * step)], shape_energy(state[n], mu[n]));
+    }
+    for (std::size_t number = first; number < last; ++number) {
+        const VolumePatch& patch = t.patches[number];
+        const auto at = std::size_t(patch.first - begin), end = at + std::size_t(patch.count);
+        R dilatation(0);  // [m^3]
+        for (std::size_t e = at; e < end; ++e) dilatation += R(change[e]);
+        bulk[number - first] = load<R>(&c.rest.patch_bulk[number]);
+        const R of_patch = bulk[number - first] * dilatation;
+        out.energy += R(T(0.5)) * of_patch * dilatation;
+        for (std::size_t e = at; e < end; ++e) out.energy += R(energy[e]), pressure[e] = lane(of_patch, 0);
+    }
+    std::fill(pressure.begin() + count, pressure.begin() + groups * step, pressure[std::size_t(count - 1)]);
+
+    std::size_t number = first;
+    Vec3<R> slope[4 * most_patch_elements];
+    auto clear_slope = [&] {
+        for (int a = 0; a < t.patches[number].node_count; ++a) slope[a] = {R(0), R(0), R(0)};
+    };
+    if constexpr (want == Want::forces_and_matrix) clear_slope();
+    for (int n = 0; n < groups; ++n) {
+        const ElementGroup<R, Q> elements = group(n);
+        const Corotated<Q>& s = state[n];
+        Vec3<Q> r[3];
+        ElementNumbers<R> numbers;
+        element_numbers<want, R>(s, mu[n], Q(0), load<Q>(&pressure[std::size_t(n * step)]),
+                                 repeat_part<Q>(request.exactness), r, numbers);
+        alignas(64) std::array<T, std::size_t(9 * step)> turned;  // volume R g
+        if constexpr (want == Want::forces_and_matrix)
+            for (std::size_t i = 0; i < 9; ++i)
+                store<Q>(&turned[i * std::size_t(step)], s.volume * r[i / 3][int(i % 3)]);
+        for (int k = 0; k < elements.count; ++k) {
+            const std::size_t e = elements.first + std::size_t(k);
+            add_element<want, R>(c, e, numbers.of(k));
+            if constexpr (want == Want::forces_and_matrix) {
+                const auto& place = t.element_place[e];
+                auto part = [&](std::size_t i) { return R(turned[i * std::size_t(step) + std::size_t(k)]); };
+                for (std::size_t a = 0; a < 3; ++a) {
+                    const Vec3<R> of_node{part(3 * a), part(3 * a + 1), part(3 * a + 2)};
+                    slope[place[a + 1]] += of_node;
+                    slope[place[0]] -= of_node;
+                }
+                const VolumePatch& patch = t.patches[number];
+                if (int(e) + 1 < patch.first + patch.count) continue;
+                add_patch_blocks<R>(c, patch, slope, bulk[number - first]);
+                if (++number < last) clear_slope();
+            }
+        }
+        if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
+    }
+}
+
 template <Want want, class R>
 inline void add_patches(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
     begin_limits<R>(c, request.limits);
-    for (std::size_t k = 0; k < c.topology->patches.size(); ++k) add_patch<want>(c, k, request, out);
+    const auto& patches = c.topology->patches;
+    if constexpr (std::is_same_v<R, RegisterOf<R>>) {
+        for (std::size_t k = 0; k < patches.size(); ++k) add_patch<want>(c, k, request, out);
+    } else {
+        constexpr int most = elements_at_once<R> * rotations_at_once;
+        for (std::size_t first = 0, last; first < patches.size(); first = last) {
+            const int begin = patches[first].first;
+            for (last = first + 1; last < patches.size(); ++last) {
+                const VolumePatch &before = patches[last - 1], &next = patches[last];
+                if (next.first != before.first + before.count || next.first + next.count - begin > most) break;
+            }
+            add_patches_of_one<want>(c, first, last, request, out);
+        }
+    }
 }
 
 }  // namespace palpate::detail
