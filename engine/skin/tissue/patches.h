@@ -14,9 +14,38 @@ namespace palpate::detail {
 template <class R>
 inline void add_patch_blocks(SkinChunk<ScalarOf<R>>& c, const VolumePatch& patch, const Vec3<R>* slope, const R& bulk) {
     const int* block = &c.topology->patch_blocks[std::size_t(patch.first_block)];
-    for (int a = 0; a < patch.node_count; ++a) {
-        const Vec3<R> weighted = bulk * slope[a];
-        for (int b = 0; b <= a; ++b, ++block) add_block<R>(c.scratch.blocks.data(), *block, outer(weighted, slope[b]));
+    if constexpr (std::is_same_v<R, RegisterOf<R>>) {
+        for (int a = 0; a < patch.node_count; ++a) {
+            const Vec3<R> weighted = bulk * slope[a];
+            for (int b = 0; b <= a; ++b, ++block)
+                add_block<R>(c.scratch.blocks.data(), *block, outer(weighted, slope[b]));
+        }
+    } else {
+        // Of a finger alone, eight of a block's nine numbers in a register (or two) as they lie in memory.
+        using T = ScalarOf<R>;
+        using Row = HalfRegister<T>;
+        constexpr std::size_t side = sizeof(Row) / sizeof(T);
+        alignas(64) std::array<std::array<T, 8>, 4 * most_patch_elements> across;
+        for (std::size_t a = 0; a < std::size_t(patch.node_count); ++a)
+            for (std::size_t i = 0; i < 8; ++i) across[a][i] = lane(slope[a][int(i % 3)], 0);
+        for (std::size_t a = 0; a < std::size_t(patch.node_count); ++a) {
+            const Vec3<R> weighted = bulk * slope[a];
+            alignas(64) std::array<T, 8> down;
+            for (std::size_t i = 0; i < 8; ++i) down[i] = lane(weighted[int(i / 3)], 0);
+            const T last = lane(weighted[2], 0);
+            for (std::size_t b = 0; b <= a; ++b, ++block) {
+                T* to = &c.scratch.blocks[9 * std::size_t(*block)];
+                for (std::size_t i = 0; i < 8; i += side) {
+                    Row sum, left, right;
+                    std::memcpy(&sum, to + i, sizeof(Row));
+                    std::memcpy(&left, &down[i], sizeof(Row));
+                    std::memcpy(&right, &across[b][i], sizeof(Row));
+                    sum += left * right;
+                    std::memcpy(to + i, &sum, sizeof(Row));
+                }
+                to[8] += last * across[b][2];
+            }
+        }
     }
 }
 
