@@ -25,22 +25,26 @@ inline void add_patch_blocks(SkinChunk<ScalarOf<R>>& c, const VolumePatch& patch
         using T = ScalarOf<R>;
         using Row = HalfRegister<T>;
         constexpr std::size_t side = sizeof(Row) / sizeof(T);
+        T* blocks = c.scratch.blocks.data();
         alignas(64) std::array<std::array<T, 8>, 4 * most_patch_elements> across;
         for (std::size_t a = 0; a < std::size_t(patch.node_count); ++a)
             for (std::size_t i = 0; i < 8; ++i) across[a][i] = lane(slope[a][int(i % 3)], 0);
         for (std::size_t a = 0; a < std::size_t(patch.node_count); ++a) {
             const Vec3<R> weighted = bulk * slope[a];
-            alignas(64) std::array<T, 8> down;
-            for (std::size_t i = 0; i < 8; ++i) down[i] = lane(weighted[int(i / 3)], 0);
-            const T last = lane(weighted[2], 0);
+            // Made in registers: what was just stored in parts cannot be loaded at once.
+            const T x = lane(weighted.x, 0), y = lane(weighted.y, 0), last = lane(weighted.z, 0);
+            Row down[8 / side];
+            if constexpr (side == 8)
+                down[0] = Row{x, x, x, y, y, y, last, last};
+            else
+                down[0] = Row{x, x, x, y}, down[1] = Row{y, y, last, last};
             for (std::size_t b = 0; b <= a; ++b, ++block) {
-                T* to = &c.scratch.blocks[9 * std::size_t(*block)];
+                T* to = blocks + 9 * std::size_t(*block);
                 for (std::size_t i = 0; i < 8; i += side) {
-                    Row sum, left, right;
+                    Row sum, right;
                     std::memcpy(&sum, to + i, sizeof(Row));
-                    std::memcpy(&left, &down[i], sizeof(Row));
                     std::memcpy(&right, &across[b][i], sizeof(Row));
-                    sum += left * right;
+                    sum += down[i / side] * right;
                     std::memcpy(to + i, &sum, sizeof(Row));
                 }
                 to[8] += last * across[b][2];
