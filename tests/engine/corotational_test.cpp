@@ -10,7 +10,9 @@ namespace palpate {
 namespace {
 
 using testing::eigen;
+using testing::Modes;
 using testing::random_matrix;
+using testing::symmetric_modes;
 
 TEST(Polar, GivesTheRotationOfTheSingularVectors) {
     std::mt19937 random(5);

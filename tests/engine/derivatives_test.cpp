@@ -14,6 +14,7 @@ namespace {
 
 using testing::central_difference;
 using testing::relative_error;
+using testing::symmetric_modes;
 using Numbers = std::vector<double>;
 
 /// A random tetrahedron and a deformation of it.

@@ -18,6 +18,7 @@ using testing::block_mesh;
 using testing::evaluate_tissue;
 using testing::make_chunk;
 using testing::scramble;
+using testing::symmetric_modes;
 
 /// A block whose elements have membranes alone (their own tissue is a millionth of it), with normals of all directions.
 SkinChunk<double> membranes(const TetMesh& mesh, double young, const Pose<double>& pose = Pose<double>::identity(),
