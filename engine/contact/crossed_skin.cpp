@@ -113,7 +113,7 @@ bool in_tissue(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
 /// is pressed in stands up beside what presses, the object behind that wall is outside again.
 template <class T>
 bool is_behind(const SkinChunk<T>& c, int lane, const LaneContact& o, const ContactSurface& surface, std::size_t s) {
-    constexpr double straight = 0.6;
+    constexpr double straight = 0.5;
     const Vec3<double> x = transform(surface.bone, surface.position[s]);
     const SurfacePoint<double> near = surface_point(o.shape, o.pose, x);
     if (near.distance > within || near.distance < -1e-4) return false;

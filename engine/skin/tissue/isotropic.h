@@ -148,7 +148,7 @@ template <Curvature mode, class R>
 inline PrincipalTerms<R> strain_limit(const Vec3<R>& tau, const R& low, const R& high, const R& k) {
     constexpr ScalarOf<R> half(ScalarOf<R>(0.5));
     PrincipalTerms<R> t;
-    Vec3<R> active;
+    Vec3<R> active{R(0), R(0), R(0)};
     t.energy = R(0);
     t.curvature = Mat3<R>::zero();
     for (int i = 0; i < 3; ++i) {
