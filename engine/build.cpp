@@ -27,7 +27,7 @@ struct Archetype {
 bool same_connectivity(const TetMesh& a, const TetMesh& b) {
     return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes &&
            a.pad_nodes == b.pad_nodes && a.patches == b.patches && a.limit_patches == b.limit_patches &&
-           a.membrane_patches == b.membrane_patches;
+           a.membrane_patches == b.membrane_patches && a.curved_skin == b.curved_skin;
 }
 
 std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {

@@ -22,6 +22,7 @@ struct TetMesh {
                                      ///< empty: each tetrahedron's own
     std::vector<int> membrane_patches;  ///< [tet] number, from 0, of the patch of skin whose mean stretch a membrane
                                         ///< resists; -1, or empty: its own
+    bool curved_skin = false;  ///< between nodes the skin that touches is as round as the surface's normals say
 };
 
 }  // namespace palpate

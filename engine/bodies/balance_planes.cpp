@@ -39,6 +39,22 @@ Vec3<double> sample_of(const SkinChunk<T>& c, const LaneArray<T>& nodal, std::si
     return {double(sum.x), double(sum.y), double(sum.z)};
 }
 
+/// How much nearer a curved skin is at a sample [m].
+template <class T>
+double rise_of(const SkinChunk<T>& c, int slot, std::size_t s, int lane) {
+    if (c.scratch.rise.empty()) return 0;
+    const SkinTopology& t = *c.topology;
+    auto at = [&](std::size_t sample) {
+        const std::size_t i = std::size_t(slot) * t.samples.size() + sample;
+        return c.scratch.rise[i * std::size_t(c.width) + std::size_t(lane)];
+    };
+    if (s < t.samples.size()) return double(at(s));
+    const FaceSample& f = t.face_samples[s - t.samples.size()];
+    T sum = T(f.weight[0]) * at(std::size_t(f.sample[0]));  // in the precision, and the order, of the solve
+    for (std::size_t k = 1; k < 3; ++k) sum += T(f.weight[k]) * at(std::size_t(f.sample[k]));
+    return double(sum);
+}
+
 /// The slot of a lane that holds the plane to another finger.
 template <class T>
 int slot_of(const SkinChunk<T>& c, int lane, int finger) {
@@ -72,7 +88,7 @@ void collect(const Work& w, const SkinChunk<T>& c, int lane, int slot, bool of_b
         p.number = std::size_t(slot) * S + s;
         p.x = origin + sample_of(c, c.state.position, s, lane);
         p.normal_multiplier = double(c.state.normal_multiplier[i]);
-        p.offset = double(c.state.contact_offset[i]);
+        p.offset = double(c.state.contact_offset[i]) + rise_of(c, slot, s, lane);
         const double base = double(c.rest.contact_penalty[s * W + std::size_t(lane)]);
         p.k = base * scale;
         p.k_slip = base * std::min(scale, fitted::largest_slip_scale);

@@ -81,12 +81,28 @@ Penalty penalty_of(const SkinChunk<T>& c, int lane, std::size_t sample) {
 }
 double in_series(double a, double b) { return a * b / (a + b); }
 
-/// Contact of one sample as it is now.
-void evaluate_sample(SoftSample& s, const Vec3<double>& of_finger, const Vec3<double>& of_face, const Penalty& a,
-                     const Penalty& b, bool rubs, double exactness) {
+/// How much nearer a curved skin is at a sample than its flat faces [m].
+template <class T>
+double rise_of(const SkinChunk<T>& c, int lane, std::size_t sample, const Vec3<double>& normal) {
+    if (c.scratch.bulge.empty()) return 0;
+    const SkinTopology& t = *c.topology;
+    auto at = [&](std::size_t s) {
+        const T* bulge = &c.scratch.bulge[3 * s * std::size_t(c.width) + std::size_t(lane)];
+        return -dot(Vec3<double>{double(bulge[0]), double(bulge[c.width]), double(bulge[2 * c.width])}, normal);
+    };
+    if (sample < t.samples.size()) return at(sample);
+    const FaceSample& f = t.face_samples[sample - t.samples.size()];
+    double rise = 0;
+    for (std::size_t k = 0; k < 3; ++k) rise += f.weight[k] * at(std::size_t(f.sample[k]));
+    return rise;
+}
+
+/// Contact of one sample as it is now; `rise`: how much nearer the finger's skin is.
+void evaluate_sample(SoftSample& s, const Vec3<double>& of_finger, const Vec3<double>& of_face, double rise,
+                     const Penalty& a, const Penalty& b, bool rubs, double exactness) {
     const Vec3<double> apart = of_finger - of_face;
     const Vec3<double> slip = apart - (s.finger_start - s.face_start);
-    s.gap = dot(s.normal, apart);
+    s.gap = dot(s.normal, apart) - rise;
     s.slip = norm(slip - dot(s.normal, slip) * s.normal);
     const double k = in_series(a.normal, b.normal), k_slip = in_series(a.slip, b.slip);
     const Vec3<double>& tangential = s.state.tangential_multiplier;
@@ -111,7 +127,8 @@ void add_pair(BodyWork& w, SoftPair& p, bool with_matrix) {
             SoftSample& s = p.samples[i];
             if (!s.near) continue;
             evaluate_sample(s, point_of(a, finger.lane, s.of_finger), point_of(b, soft.lane, s.of_face),
-                            penalty_of(a, finger.lane, i), soft_penalty, rubs, island.progress.exactness);
+                            rise_of(a, finger.lane, i, s.normal), penalty_of(a, finger.lane, i), soft_penalty, rubs,
+                            island.progress.exactness);
             if (s.idle) continue;
             add_gradient(a, finger.lane, s.of_finger, s.terms.gradient);
             add_gradient(b, soft.lane, s.of_face, -s.terms.gradient);

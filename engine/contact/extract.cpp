@@ -116,7 +116,11 @@ void find_gaps(const SkinChunk<T>& c, int lane, ContactSurface& out) {
             const LaneContact& o = c.contacts.at(slot, lane);
             const std::size_t i = (std::size_t(slot) * c.topology->sample_count() + s) * std::size_t(c.width);
             const int side = int(c.state.contact_side[i + std::size_t(lane)]);
-            nearest = std::min(nearest, surface_point(o.shape, o.pose, x, side).distance);
+            double gap = surface_point(o.shape, o.pose, x, side).distance;
+            if (!c.scratch.rise.empty())
+                gap -= double(c.scratch.rise[(std::size_t(slot) * out.gap.size() + s) * std::size_t(c.width) +
+                                             std::size_t(lane)]);
+            nearest = std::min(nearest, gap);
         }
         out.gap[s] = std::max(0.0, nearest);
     }

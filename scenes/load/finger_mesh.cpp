@@ -1,6 +1,7 @@
 #include "scenes/load/finger_mesh.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <mutex>
 
@@ -166,6 +167,10 @@ Surface oriented(const FingerMeshRequest& r, const Surface& surface, std::string
 
 }  // namespace
 
+double softened_by(double softening, std::size_t elements) {
+    return 1 + softening * std::pow(double(base_elements) / double(elements), 2.0 / 3);
+}
+
 TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates, std::string& note) {
     TetMesh mesh;
     Surface skin;  // of a scan
@@ -196,6 +201,7 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
         group_elements(coarse, base, [&] { return coarse; });
         return coarse;
     });
+    mesh.curved_skin = r.curved_skin;
     note += ": " + std::to_string(mesh.tets.size()) + " tetrahedra, " + std::to_string(mesh.nodes.size()) + " nodes, " +
             std::to_string(mesh.pad_nodes.size()) + " pad nodes, " + std::to_string(mesh.bone_nodes.size()) +
             " bone nodes";

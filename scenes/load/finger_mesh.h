@@ -22,6 +22,8 @@ struct FingerMeshRequest {
     enum class Kind { uniform, conforming } kind = Kind::uniform;  ///< of a parametric finger or a surface
     int patch = 0;                          ///< elements that share one change of volume; 0: none do
     std::optional<bool> patches_limited{};  ///< strain limits are of patches, not of tetrahedra; absent: as usual
+    bool curved_skin = false;               ///< contact is decided on a skin that is round between nodes
+    double softening = 0;                   ///< of coarse meshes, which press too hard (softened_by)
     bool layered = false;                   ///< has a skin: with patches of elements, patches of skin, too
     bool by_default = false;                ///< kind and patch are those of scenes that say nothing of them
     Grading grading;                        ///< of a conforming mesh
@@ -35,6 +37,10 @@ struct FingerMeshRequest {
 /// Templates of parametric fingers: fingers that differ in length, width, thickness and pad bulge only are one
 /// template, scaled, so that they share their connectivity (and with it chunks).
 using FingerTemplates = std::map<std::string, TetMesh>;
+
+/// By how much moduli are divided: 1 + softening (347 / elements)^(2/3). What a mesh presses too hard goes with the
+/// area of its elements, as errors of linear elements do.
+double softened_by(double softening, std::size_t elements);
 
 /// Builds the mesh and says in `note` what was built and guessed. Throws InputError.
 TetMesh make_finger_mesh(const FingerMeshRequest& request, FingerTemplates& templates, std::string& note);

@@ -76,6 +76,14 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
         "which change less with the mesh and saturate less in spots. Where nothing is said, patches of conforming "
         "meshes, elements of others.");
     if (s.has("limits")) r.patches_limited = limited == 1;
+    int curved = r.curved_skin;
+    s.choice("skin", curved, {"flat", "curved"},
+             "What touches between nodes. flat: the mesh's faces, which are touched later than the skin that they "
+             "stand for. "
+             "curved: a skin as round as their normals say, as it is deformed.");
+    r.curved_skin = curved == 1;
+    s.number("softening", r.softening, unit::one, {0, 2},
+             "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3).");
 }
 
 namespace {
@@ -125,7 +133,8 @@ void read_mesh(Section& s, const std::filesystem::path& folder, FingerModel& m, 
     s.text("tets", tets, "Or a finished mesh: TetGen .node/.ele, Gmsh .msh, VTU.");
     read_how_meshed(s, r);
     const bool from_file = !surface.empty() || !tets.empty();
-    const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch") || s.has("limits");
+    const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch") || s.has("limits") ||
+                          s.has("skin") || s.has("softening");
     if (!from_file && s.in_file() && !only_how && s.sound("surface") && s.sound("tets"))
         s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
     if (!surface.empty() && !tets.empty()) s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
@@ -321,6 +330,16 @@ void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& f) {
     f.element_normal = std::move(found.normals);
 }
 
+namespace {
+
+void soften(FingerSpec& f, double by) {
+    for (double* modulus : {&f.young_modulus, &f.skin_modulus}) *modulus /= by;
+    for (auto* moduli : {&f.element_young, &f.element_membrane})
+        for (double& modulus : *moduli) modulus /= by;
+}
+
+}  // namespace
+
 FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::string& note) {
     FingerSpec f = m.spec;
     FingerMeshRequest request = m.mesh;
@@ -328,6 +347,7 @@ FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::s
     request.layered = !m.layers.empty();
     f.mesh = make_finger_mesh(request, templates, note);
     apply_layers(m.layers, f);
+    soften(f, softened_by(request.softening, f.mesh.tets.size()));
     if (!m.layers.empty()) note += ", " + std::to_string(m.layers.size() + 1) + " layers of tissue";
     return f;
 }
@@ -369,7 +389,10 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     how << "patch = " << r.patch;
     const bool limited = r.patches_limited.value_or(false);
     if (limited) how << ", limits = \"patches\"";
-    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !limited;
+    if (r.curved_skin) how << ", skin = \"curved\"";
+    if (r.softening > 0) how << ", softening = " << r.softening;
+    const bool plain =
+        r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !limited && !r.curved_skin && r.softening == 0;
     if (r.source == FingerMeshRequest::Source::parametric)
         out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
             << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge

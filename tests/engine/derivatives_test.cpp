@@ -260,16 +260,36 @@ SolverSettings at_rest() {
     return s;
 }
 
+/// Bulges of a skin whose lowest node has been pulled out by a millimetre.
+void bend_skin(SkinChunk<double>& chunk) {
+    const auto flat = chunk.state.position;
+    for (int node : chunk.topology->samples)
+        if (chunk.topology->elimination[std::size_t(node)] >= 0) {
+            chunk.state.position[std::size_t(3 * node + 2)] -= 1e-3;
+            break;
+        }
+    detail::find_bulges<double>(chunk);
+    double largest = 0;
+    for (double x : chunk.scratch.bulge) largest = std::max(largest, std::abs(x));
+    ASSERT_GT(largest, 2e-5);
+    chunk.state.position = flat;
+}
+
+/// In place of a refinement: a skin that is curved between nodes.
+constexpr int curved = 0;
+
 /// A chunk in a scrambled state with limits, contact, friction and bone.
 SkinChunk<double> scrambled_chunk(int sample_refinement = 1) {
-    const TetMesh mesh = testing::block_mesh(2, 2, 2, 0.005);
+    TetMesh mesh = testing::block_mesh(2, 2, 2, 0.005);
+    mesh.curved_skin = sample_refinement == curved;
     const Pose<double> bone{{0, 0, 0.004}, normalised(Quaternion<double>{1, 0.05, 0.02, -0.03})};
     auto chunk = testing::make_chunk<double>(
-        mesh, bone, {.low = 0.8, .high = 1.2, .friction = true, .sample_refinement = sample_refinement});
+        mesh, bone, {.low = 0.8, .high = 1.2, .friction = true, .sample_refinement = std::max(1, sample_refinement)});
     testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5});
     testing::aim_all(chunk, 2000, 2, {{0.001, 0, 0.002}, normalised(Quaternion<double>{1, 0, 0.1, 0})});
-    begin_slots(chunk, at_rest());
+    if (mesh.curved_skin) bend_skin(chunk);
     chunk.scratch.start_position = chunk.state.position;
+    begin_slots(chunk, at_rest());
     chunk.scratch.inertia_target = chunk.state.position;
     std::mt19937 random(7);
     std::uniform_real_distribution<double> u(-1, 1);
@@ -301,8 +321,11 @@ void move(SkinChunk<double>& c, int u, int d, double h) {
 
 /// What a chunk reports along a body's motions is the gradient of its potential, and its part of the Newton matrix that
 /// of contact, but for the turning of normals, which the solve leaves out.
-TEST(Derivatives, GradientAlongTheMotionsOfABody) {
-    SkinChunk<double> c = scrambled_chunk(2);
+class AlongABody : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Derivatives, AlongABody, ::testing::Values(2, curved));
+
+TEST_P(AlongABody, GradientAndMatrix) {
+    SkinChunk<double> c = scrambled_chunk(GetParam());
     c.has_bodies = true;
     resize_fields(c);
     LaneContact& object = c.contacts.at(0, 0);
@@ -361,7 +384,7 @@ TEST(Derivatives, GradientAlongTheMotionsOfABody) {
 
 /// The whole incremental potential: its gradient along every node and along the bone's position and turn.
 class Refined : public ::testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(Derivatives, Refined, ::testing::Values(1, 3));
+INSTANTIATE_TEST_SUITE_P(Derivatives, Refined, ::testing::Values(1, 3, curved));
 
 TEST_P(Refined, GradientOfTheWholePotential) {
     SkinChunk<double> chunk = scrambled_chunk(GetParam());

@@ -85,6 +85,7 @@ TEST(FingerPairs, ActionIsReactionInEveryStepWhetherItHasConvergedOrNot) {
                 spec.fingers[1].mesh = block_mesh(4, 3, 2, 0.003);  // not alike
                 spec.fingers[1].young_modulus = 60e3;
                 spec.fingers[1].single_precision = spec.fingers[0].single_precision = single;
+                spec.fingers[1].mesh.curved_skin = true;
                 Lab lab(spec);
                 double force = 0, torque = 0, most = 0;
                 int converged = 0, steps = 0;

@@ -160,9 +160,10 @@ TEST(Patches, WhatTheFactorFillsIsNoPartOfTheMatrix) {
     auto pressed = [](int width, double in_fill) {
         Pose<double> bone = Pose<double>::identity();
         bone.position.z = 0.0061;
-        auto chunk =
-            make_chunk<double>(patched_block(4, 3, 3), bone,
-                               {.width = width, .low = 0.9, .high = 1.1, .friction = true, .sample_refinement = 2});
+        TetMesh mesh = patched_block(4, 3, 3);
+        mesh.curved_skin = true;
+        auto chunk = make_chunk<double>(
+            mesh, bone, {.width = width, .low = 0.9, .high = 1.1, .friction = true, .sample_refinement = 2});
         testing::touch_all(chunk, {0, {}, Pose<double>::identity(), Pose<double>::identity(), 0.5});
         const BlockPattern& p = chunk.topology->pattern;
         const auto numbers = 9 * std::size_t(width);

@@ -244,7 +244,7 @@ TEST(Physics, RecoversFromScrambledStates) {
     const TetMesh mesh = block_mesh(3, 2, 2, 0.004);
     std::mt19937 random(9);
     std::normal_distribution<double> n;
-    for (int trial = 0; trial < 24; ++trial) {
+    for (int trial = 0; trial < 8; ++trial) {
         auto chunk = make_chunk<double>(mesh, Pose<double>::identity(), {});
         for (double& x : chunk.state.position) x = trial == 0 ? 0 : 0.01 * n(random);
         for (int i = 0; i < 200; ++i) solve_skin(chunk, SolverSettings{});
@@ -361,6 +361,9 @@ TEST(Physics, AFingerIsTheSameAloneInAChunkOrBesideOthers) {
     expect_the_same_at_any_width<double>(mesh);
     expect_the_same_at_any_width<float>(mesh);
     make_patches(mesh, 5);
+    expect_the_same_at_any_width<double>(mesh);
+    expect_the_same_at_any_width<float>(mesh);
+    mesh.curved_skin = true;
     expect_the_same_at_any_width<double>(mesh);
     expect_the_same_at_any_width<float>(mesh);
     // Matrices that some of them keep, and others, of other stiffness, do not.

@@ -68,8 +68,9 @@ TEST(Indentation, ForceGrowsWithDisplacementAndScalesWithStiffness) {
         EXPECT_GE(a.hull, 0.99 * a.area);  // the area is that of the skin, which rises towards its edge
         if (a.force > 2) break;            // then the clamp's own give, the same in both, counts
         const double force = field_at_displacement(curves[1], a.displacement, &IndentationPoint::force);
-        EXPECT_NEAR(force, 2 * a.force, 2e-3 * force);
-        EXPECT_NEAR(b.area, a.area, 2e-3 * a.area);
+        // Its skin was as round as in the step before, which was not quite as deep.
+        EXPECT_NEAR(force, 2 * a.force, 5e-3 * force);
+        EXPECT_NEAR(b.area, a.area, 5e-3 * a.area);
     }
 }
 
@@ -139,6 +140,42 @@ TEST_P(IndexFinger, LiesInsideTheBands) {
     EXPECT_GT(f.displacement_1N / f.displacement_4N, 0.62);  // soft first, stiff later; 0.70 in five of eight
 }
 
+/// A coarse pad with a curved skin is touched where the skin is that it stands for, on average, and no more than 0.06
+/// mm from there; nodes of a flat one are late, by up to 0.08 mm.
+TEST(Indentation, OfACurvedSkinBeginsWhereTheSurfaceIs) {
+    FingerModel model = named("index-median");
+    const auto first_touches = [&](bool curved) {
+        model.mesh.curved_skin = curved;
+        std::vector<Indentation> presses;
+        for (const int elements : {347, 1000})
+            for (const double angle : {0.0, 15.0, 30.0, 45.0}) {
+                model.mesh.elements = elements;
+                presses.push_back({built(model), angle * degree});
+                for (int k = -20; k <= 20; ++k) presses.back().displacements.push_back(5e-6 * k);
+            }
+        std::vector<double> touches;
+        for (const IndentationCurve& curve : pressed(presses)) {
+            const auto touched = std::find_if(curve.points.begin(), curve.points.end(),
+                                              [](const IndentationPoint& p) { return p.force > 0; });
+            touches.push_back(touched == curve.points.end() ? HUGE_VAL : touched->displacement);
+        }
+        return touches;
+    };
+    double mean = 0;
+    for (const double at : first_touches(true)) {
+        EXPECT_LT(std::abs(at), 0.06e-3);
+        mean += at / 8;
+    }
+    EXPECT_LT(std::abs(mean), 0.015e-3);
+    double flat_mean = 0, latest = 0;
+    for (const double at : first_touches(false)) {
+        EXPECT_GE(at, -1e-9);
+        flat_mean += at / 8, latest = std::max(latest, at);
+    }
+    EXPECT_GT(latest, 0.05e-3) << "nodes alone would do";
+    EXPECT_GT(flat_mean, 0.025e-3);
+}
+
 /// One finger file is one finger, whatever its mesh.
 TEST(Indentation, OfAPresetChangesLittleWithItsMesh) {
     FingerModel model = named("index-median");
@@ -203,6 +240,7 @@ TEST(Layers, OfTheSameMaterialChangeNothing) {
 TEST(Layers, MayBeAnotherAcrossTheSkin) {
     FingerModel m = named("index-median");
     m.layers = {{1e-3, 330e3, m.spec.limit_low, m.spec.limit_high, m.spec.young_modulus}};
+    m.mesh.softening = 0;
     const FingerSpec soft = built(m);
     EXPECT_EQ(soft.skin_modulus, m.spec.young_modulus);
     EXPECT_FALSE(soft.mesh.membrane_patches.empty());
@@ -272,7 +310,11 @@ TEST(FingerFiles, ASceneUsesThemAndItsOwnTablesComeFirst) {
            "[[finger]]\nname = \"b\"\nfinger = \"index-large\"\nmaterial = { poisson = 0.3 }\n";
     const Scene scene = load_scene(scratch.path / "scene.toml");
     EXPECT_TRUE(scene.spec.fingers[0].has_limits);
-    EXPECT_EQ(scene.spec.fingers[0].young_modulus, named("index-small").spec.young_modulus);
+    const FingerSpec& mine = scene.spec.fingers[0];
+    const FingerModel small = named("index-small");
+    EXPECT_TRUE(mine.mesh.curved_skin);
+    EXPECT_NEAR(mine.young_modulus * softened_by(small.mesh.softening, mine.mesh.tets.size()), small.spec.young_modulus,
+                1e-9 * small.spec.young_modulus);
     EXPECT_EQ(scene.spec.fingers[1].poisson_ratio, 0.3);
     EXPECT_GT(scene.finger_models[1].mesh.shape.length, scene.finger_models[0].mesh.shape.length);
     std::ofstream(scratch.path / "bad.toml") << "[[finger]]\nfinger = \"toe\"\n[[finger]]\nfinger = \"none.toml\"\n";

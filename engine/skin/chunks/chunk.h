@@ -78,6 +78,10 @@ struct NotedLimit {
 /// candidates, which hold its forces) and a matrix that is kept (blocks, contact_in_matrix) stay with the finger.
 template <class T>
 struct SkinScratch {
+    /// Of a curved skin at the start of the step, at nodes: [sample][xyz] outward normals; [sample][xyz] how far it is
+    /// outside the flat faces around [m]; [slot][sample] how much of that is towards the object [m].
+    LaneArray<T> skin_normal, bulge, rise;
+
     LaneArray<T> start_position;  ///< [node][xyz] at the beginning of the step
     LaneArray<T> start_bone;      ///< [7]
     LaneArray<T> inertia_target;  ///< [node][xyz] x^ of implicit Euler

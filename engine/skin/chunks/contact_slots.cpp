@@ -106,6 +106,18 @@ int node_of_sample(const SkinTopology& t, std::size_t s) {
     return s < t.samples.size() ? t.samples[s] : int(t.face_samples[s - t.samples.size()].node[0]);
 }
 
+/// How much nearer a curved skin is to an object at a node than flat faces are [m]: the part of the bulge along the
+/// object's normal at the start of the step, so that the step's potential stays a function of distances, and what acts
+/// on the node and on the object is equal, torques included.
+template <class T>
+double set_rise(SkinChunk<T>& c, int slot, int lane, std::size_t sample, const Vec3<double>& normal) {
+    const auto W = std::size_t(c.width);
+    const T* bulge = &c.scratch.bulge[3 * sample * W + std::size_t(lane)];
+    const T rise = T(-dot(Vec3<double>{double(bulge[0]), double(bulge[W]), double(bulge[2 * W])}, normal));
+    c.scratch.rise[(std::size_t(slot) * c.topology->samples.size() + sample) * W + std::size_t(lane)] = rise;
+    return double(rise);
+}
+
 /// Sides and overlaps of one lane's samples with one object.
 template <class T>
 void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& settings) {
@@ -121,12 +133,14 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
                               double(c.state.origin[std::size_t(c.width + lane)]),
                               double(c.state.origin[std::size_t(2 * c.width + lane)])};
     const double recovery = settings.recovery_speed * settings.dt;
+    const bool curved = !t.skin_edges.empty();
     for (std::size_t s = 0; s < c.topology->sample_count(); ++s) {
         const std::size_t i =
             (std::size_t(slot) * c.topology->sample_count() + s) * std::size_t(c.width) + std::size_t(lane);
         T &side = c.state.contact_side[i], &offset = c.state.contact_offset[i];
         const bool touched = c.state.normal_multiplier[i] > 0 || offset < 0 || o.fresh;
-        if (!sided && !touched) continue;
+        const bool bulges = curved && s < t.samples.size();
+        if (!sided && !touched && !bulges) continue;
         const Vec3<double> x = origin + start_of_sample(c, s, lane);
         if (sided) {
             const T* v = &c.state.velocity[std::size_t(3 * node_of_sample(t, s) * c.width + lane)];
@@ -135,8 +149,11 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
             const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
             side = T(side_in_step(o.shape, local, int(side), travel));
         }
+        if (!bulges && (soft || !touched || !settings.inertia)) continue;
+        const SurfacePoint<double> near = surface_point(o.shape, o.start, x, int(side));
+        double depth = -near.distance;
+        if (bulges) depth += set_rise(c, slot, lane, s, near.normal);
         if (soft || !touched || !settings.inertia) continue;
-        const double depth = -surface_point(o.shape, o.start, x, int(side)).distance;
         const bool undo = offset < 0 ? depth > ends : o.fresh && depth > begins;
         offset = T(undo ? std::min(0.0, recovery - depth) : 0);
         all.recovers |= undo;

@@ -25,6 +25,21 @@ inline Vec3<R> at_sample(const SkinTopology& t, const ScalarOf<R>* nodal, std::s
     return sum;
 }
 
+/// How much nearer a curved skin is to a slot's object at a sample than its flat faces are [m]. Only where it is
+/// curved.
+template <class R>
+inline R rise_at_sample(const SkinChunk<ScalarOf<R>>& c, int slot, std::size_t s) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const T* rise = &c.scratch.rise[std::size_t(slot) * t.samples.size() * W];
+    if (s < t.samples.size()) return load<R>(rise + s * W);
+    const FaceSample& f = t.face_samples[s - t.samples.size()];
+    R sum = R(T(f.weight[0])) * load<R>(rise + f.sample[0] * W);
+    for (int k = 1; k < 3; ++k) sum += R(T(f.weight[k])) * load<R>(rise + f.sample[k] * W);
+    return sum;
+}
+
 /// The same of an array in elimination order; the sample must be free.
 template <class R>
 inline Vec3<R> at_free_sample(const SkinTopology& t, const ScalarOf<R>* permuted, std::size_t s) {

@@ -194,6 +194,45 @@ void refine_samples(SkinTopology& t, const TetMesh& mesh, int refinement) {
     }
 }
 
+/// Edges of the pad's faces, and corners of the faces around its nodes, but for faces beyond an edge of the skin, as at
+/// the cut end: a normal of both would be neither's.
+void find_skin_edges(SkinTopology& t, const TetMesh& mesh) {
+    constexpr double beyond = 0.35;  // cosine between normals, as in meshes/curved_skin.cpp
+    const auto at = [&](int node) {
+        const Point& p = mesh.nodes[std::size_t(node)];
+        return Vec3<double>{p[0], p[1], p[2]};
+    };
+    const auto normal = [&](const std::array<int, 3>& f) {
+        const Vec3<double> n = cross(at(f[1]) - at(f[0]), at(f[2]) - at(f[0]));
+        return (1 / std::max(norm(n), 1e-300)) * n;
+    };
+    std::vector<int> sample_of(std::size_t(t.node_count), -1);
+    for (std::size_t s = 0; s < t.samples.size(); ++s) sample_of[std::size_t(t.samples[s])] = int(s);
+    std::vector<Vec3<double>> mean(t.samples.size(), Vec3<double>{0, 0, 0});
+    std::set<std::pair<int, int>> edges;
+    for (const auto& f : mesh.surface) {
+        if (std::any_of(f.begin(), f.end(), [&](int node) { return sample_of[std::size_t(node)] < 0; })) continue;
+        for (std::size_t k = 0; k < 3; ++k) {
+            mean[std::size_t(sample_of[std::size_t(f[k])])] += normal(f);
+            edges.insert(std::minmax(f[k], f[(k + 1) % 3]));
+        }
+    }
+    for (const auto& f : mesh.surface)
+        for (std::size_t k = 0; k < 3; ++k) {
+            const int sample = sample_of[std::size_t(f[k])];
+            if (sample < 0) continue;
+            const Vec3<double>& of_pad = mean[std::size_t(sample)];
+            if (dot(of_pad, normal(f)) > beyond * norm(of_pad))
+                t.skin_corners.push_back({sample, f[k], f[(k + 1) % 3], f[(k + 2) % 3]});
+        }
+    t.edge_share.assign(t.samples.size(), 0);
+    for (const auto& [a, b] : edges) {
+        t.skin_edges.push_back({{a, b}, {sample_of[std::size_t(a)], sample_of[std::size_t(b)]}});
+        for (int s : t.skin_edges.back().sample) t.edge_share[std::size_t(s)] += 1;
+    }
+    for (double& share : t.edge_share) share = share > 0 ? 1 / share : 0;
+}
+
 /// Patches of the elements, which stand in their order; nodes of each, ascending.
 void collect_patches(SkinTopology& t, const TetMesh& mesh) {
     for (int e = 0; e < int(t.elements.size());) {
@@ -374,6 +413,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
     if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);
+    if (mesh.curved_skin) find_skin_edges(t, mesh);
     t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
     note_fill(t);
     return t;

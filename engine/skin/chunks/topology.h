@@ -42,6 +42,15 @@ struct FaceSample {
     std::array<int, 6> block;      ///< of the nodes' pairs 00, 10, 11, 20, 21, 22
 };
 
+/// A corner of a face around a node of the pad, and an edge of the pad.
+struct SkinCorner {
+    int sample;            ///< at the node
+    int node, next, last;  ///< of the face
+};
+struct SkinEdge {
+    std::array<int, 2> node, sample;
+};
+
 /// Elements that share one volume term, and the nodes that it couples.
 struct VolumePatch {
     int first = 0, count = 0;            ///< elements
@@ -113,6 +122,11 @@ struct SkinTopology {
 
     std::vector<int> samples;              ///< nodes at which contact is decided
     std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
+    /// Of a curved skin: what normals at nodes are found by, edges of the pad's faces, and the part of each sample at a
+    /// node that one of its edges has. Empty where the skin is flat between nodes.
+    std::vector<SkinCorner> skin_corners;
+    std::vector<SkinEdge> skin_edges;
+    std::vector<double> edge_share;
     std::size_t sample_count() const { return samples.size() + face_samples.size(); }
     /// Strain limits: of the elements, then of the patches.
     std::size_t limit_count() const { return elements.size() + limit_patches.size(); }

@@ -4,6 +4,7 @@
 #include <limits>
 #include <tuple>
 
+#include "engine/skin/solve/curved_skin.h"
 #include "engine/skin/solve/follow_limits.h"
 #include "engine/skin/solve/progress.h"
 
@@ -56,6 +57,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     const R dt = R(settings.inertia ? T(settings.dt) : T(0));
     c.scratch.start_position = c.state.position;
     c.scratch.start_bone = c.state.bone;
+    if (!t.skin_edges.empty() && near_lanes(c) != 0) find_bulges<R>(c);
     begin_slots(c, settings);
     const Pose<R> before = load_pose<R>(c.state.bone.data());
     const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));

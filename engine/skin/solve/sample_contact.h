@@ -123,6 +123,7 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, const Sl
     out.surface = slot_surface(c, slot, i, local);
     if (lanes_recover(slot)) out.surface.distance -= load<R>(&c.state.contact_offset[i * W]);
     out.local_normal = out.surface.normal;
+    if (!c.scratch.rise.empty()) out.surface.distance -= rise_at_sample<R>(c, slot.index, s);
     if (s >= c.topology->samples.size() && (c.fine_lanes & c.used_lanes) != c.used_lanes)
         out.surface.distance = select(mask_from_bits<R>(c.fine_lanes), out.surface.distance, R(T(1)));
     out.state = {load<R>(&c.state.normal_multiplier[i * W]), zero, R(0), zero};
