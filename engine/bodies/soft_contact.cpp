@@ -88,7 +88,8 @@ double rise_of(const SkinChunk<T>& c, int lane, std::size_t sample, const Vec3<d
     const SkinTopology& t = *c.topology;
     auto at = [&](std::size_t s) {
         const T* bulge = &c.scratch.bulge[3 * s * std::size_t(c.width) + std::size_t(lane)];
-        return -dot(Vec3<double>{double(bulge[0]), double(bulge[c.width]), double(bulge[2 * c.width])}, normal);
+        return std::max(
+            0.0, -dot(Vec3<double>{double(bulge[0]), double(bulge[c.width]), double(bulge[2 * c.width])}, normal));
     };
     if (sample < t.samples.size()) return at(sample);
     const FaceSample& f = t.face_samples[sample - t.samples.size()];

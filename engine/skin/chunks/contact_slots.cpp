@@ -113,7 +113,8 @@ template <class T>
 double set_rise(SkinChunk<T>& c, int slot, int lane, std::size_t sample, const Vec3<double>& normal) {
     const auto W = std::size_t(c.width);
     const T* bulge = &c.scratch.bulge[3 * sample * W + std::size_t(lane)];
-    const T rise = T(-dot(Vec3<double>{double(bulge[0]), double(bulge[W]), double(bulge[2 * W])}, normal));
+    const double out = -dot(Vec3<double>{double(bulge[0]), double(bulge[W]), double(bulge[2 * W])}, normal);
+    const T rise = T(std::max(0.0, out));  // a dent leaves nodes outside
     c.scratch.rise[(std::size_t(slot) * c.topology->samples.size() + sample) * W + std::size_t(lane)] = rise;
     return double(rise);
 }
