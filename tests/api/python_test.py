@@ -194,6 +194,7 @@ class Palpate(unittest.TestCase):
             file = pathlib.Path(folder) / "report.html"
             self.assertIsNone(world.report(file))
             self.assertTrue(file.read_text().startswith("<!DOCTYPE html>"))
+        world.step(50)  # the press has come to rest
         self.assertRegex(repr(world.fingers[0].state), "converged=1")
 
     def test_the_same_bits_as_the_program(self):
