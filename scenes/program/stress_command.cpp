@@ -108,6 +108,10 @@ Action add_stress_command(const Command& program, const std::atomic<bool>& stop)
     c.option("--seed", random->first_seed, "seed of the first random scene; the others follow");
     c.option("--processes", random->processes, "random scenes tried at once (default: all cores)").range(1, 1024);
     c.option("--out", *folder, "folder of random scenes that break a law (default: results/random)");
+    c.option("--compared-every", random->compared_every,
+             "compare only every so many-th random scene with other runs of it; what a single run shows is always "
+             "looked at")
+        .range(1, 1000000);
     c.flag("--no-shrink", *as_found, "leave them as they are instead of making them small");
     c.flag("--thorough", random->thorough,
            "compare each random scene with all other runs of it, however long they take");

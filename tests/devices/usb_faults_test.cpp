@@ -281,7 +281,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
 }
 
 TEST_F(Usb, AnySequenceOfFaultsStaysSafe) {
-    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 40;
+    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 20;
     const std::string file = scene(5, 0.35);
     for (int seed = 1; seed <= runs; ++seed) {
         const Outcome o =
@@ -295,7 +295,7 @@ TEST_F(Usb, AnySequenceOfFaultsStaysSafe) {
 }
 
 TEST_F(Usb, AnySequenceOfFaultsStaysSafeWhereAPersonReArmsAtOnce) {
-    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 20;
+    const int runs = std::getenv("PALPATE_FAULT_RUNS") ? std::atoi(std::getenv("PALPATE_FAULT_RUNS")) : 10;
     for (int seed = 1; seed <= runs; ++seed) {
         const Outcome o = emulate("--random-faults " + std::to_string(seed) + " --replug-ms 60" + logged(),
                                   probe + " --seconds 0.9 --rearm 1");

@@ -195,6 +195,7 @@ void try_random_scenes(const RandomTrials& t, const std::atomic<bool>& stop,
         if (begun < t.count && running < t.processes && int(judged.size()) < 50 * t.processes) {
             const unsigned seed = seed_of(begun++);
             LawBudget budget{seed, comparisons_at_most(seed)};
+            if (seed % unsigned(t.compared_every) != 0) budget.iterations = 0;
             if (t.thorough) budget = {};
             judged.push_back(begin_judging(random_scene(seed), t.folder / ("random-" + std::to_string(seed) + ".tried"),
                                            templates, budget, t.time_limit));

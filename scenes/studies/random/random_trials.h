@@ -23,6 +23,7 @@ struct RandomTrials {
     bool shrink = true;
     double time_limit = 120;  ///< of one scene: processor time [s]
     int processes = 1;        ///< at once
+    int compared_every = 1;   ///< only each so many-th seed is compared with other runs
     bool thorough = false;  ///< every scene is compared with all other runs of it; else with some, the cheaper the more
     std::filesystem::path folder = ".";  ///< of scenes that break a law: random-SEED.toml
 };
