@@ -27,8 +27,7 @@ TEST_F(Usb, AReplugNeedsAPersonAndThenGoesOn) {
     const std::string keys =
         "(sleep 2; printf +; for n in 1 2 3 4 5 6 7 8; do sleep 0.5; printf r; done; printf '+++'; sleep 0.5; printf "
         "q)";
-    const Outcome o = shell(keys + " | " + emulator + " --fault unplug@60 --replug-ms 100" + logged() + " -- " +
-                            program + " jog " + scene(1, 1));
+    const Outcome o = emulate("--fault unplug@60 --replug-ms 100" + logged(), program + " jog " + scene(1, 1), keys);
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_SAYS(o, "active to faulted: unplugged");
     EXPECT_SAYS(o, "inactive to active: armed");
@@ -48,8 +47,8 @@ TEST_F(Usb, AReplugNeedsAPersonAndThenGoesOn) {
 TEST_F(Usb, AnotherBoardIsNotTakenForTheOneThatWasLost) {
     const std::string keys =
         "(sleep 2; printf +; for n in 1 2 3 4 5 6; do sleep 0.5; printf r; done; printf '+++'; sleep 0.5; printf q)";
-    const Outcome o = shell(keys + " | " + emulator + " --another 1 --fault unplug@60 --replug-ms 100" + logged() +
-                            " -- " + program + " jog " + scene(1, 1, "calibration = \"cal.toml\""));
+    const Outcome o = emulate("--another 1 --fault unplug@60 --replug-ms 100" + logged(),
+                              program + " jog " + scene(1, 1, "calibration = \"cal.toml\""), keys);
     ASSERT_TRUE(happened(testing::plugged_in)) << o.out;
     EXPECT_SAYS(o, "the Maestro 00123456 was not found; on USB: 00123556");
     expect_latched(events(), 0);

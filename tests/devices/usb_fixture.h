@@ -62,12 +62,13 @@ class Usb : public ::testing::Test {
         return program + " run " + file + " --arm --no-picture --out " + (scratch.path / "results").string();
     }
     /// A run that umockdev itself ended (it aborts where a board is unplugged between a request and its answer, or as
-    /// the program ends) says nothing of the program, and is repeated.
-    Outcome emulate(const std::string& options, const std::string& command) const {
+    /// the program ends) says nothing of the program, and is repeated. `keys`: a command that types them.
+    Outcome emulate(const std::string& options, const std::string& command, const std::string& keys = "") const {
+        const std::string typed = keys.empty() ? "" : keys + " | ";
         Outcome o;
         for (int attempt = 0; attempt < 3; ++attempt) {
             // There, so that what it writes beside its results is thrown away.
-            o = shell("cd " + scratch.path.string() + " && " + emulator + " " + options + " -- " + command);
+            o = shell("cd " + scratch.path.string() + " && " + typed + emulator + " " + options + " -- " + command);
             const bool mocked = o.out.find("ERROR: libumockdev-preload:") != std::string::npos ||
                                 o.out.find("uevent_sender sendmsg") != std::string::npos;
             if (o.code == 0 || o.code == 2 || !mocked) break;

@@ -239,7 +239,7 @@ TEST_F(Usb, HomeBringsTheRestPose) {
 TEST_F(Usb, JogMovesWithinTheWorkspace) {
     // Ten degrees of theta are too many at once for the slew limit, and the keys come as fast as they are read.
     const std::string keys = "(sleep 2; printf '1+++++'; sleep 2; printf 'hq')";
-    const Outcome o = shell(keys + " | " + emulator + logged() + " -- " + program + " jog " + scene(1, 1));
+    const Outcome o = emulate(logged(), program + " jog " + scene(1, 1), keys);
     EXPECT_EQ(o.code, 0) << o.out;
     const auto targets = log();
     ASSERT_FALSE(targets.empty());
@@ -258,8 +258,7 @@ TEST_F(Usb, CalibrationIsFoundAndUsed) {
     for (int servo = 0; servo < 3; ++servo)
         keys += "printf '++\\n'; printf '<<<\\n'; printf '<\\n'; printf '>>>>>>\\n'; ";
     keys += "sleep 0.2)";
-    Outcome o = shell(keys + " | " + emulator + logged() + " -- " + program + " calibrate-thimble " + scene(1, 1) +
-                      " --out " + file.string());
+    Outcome o = emulate(logged(), program + " calibrate-thimble " + scene(1, 1) + " --out " + file.string(), keys);
     EXPECT_EQ(o.code, 0) << o.out;
     expect_safe(events());
     std::ifstream in(file);
