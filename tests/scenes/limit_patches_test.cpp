@@ -9,20 +9,16 @@
 
 #include "scenes/load/scene.h"
 #include "scenes/load/section.h"
+#include "tests/scenes/named_finger.h"
 
 namespace palpate {
 namespace {
 
 TetMesh preset_mesh(int elements, bool limited) {
-    FingerModel m;
-    Problems problems;
-    read_named_finger("index-median", "", m, problems);
-    EXPECT_TRUE(problems.messages.empty()) << problems.messages.front();
+    FingerModel m = testing::named("index-median");
     m.mesh.elements = elements;
     m.spec.has_limits = limited;
-    FingerTemplates templates;
-    std::string note;
-    return build_finger(m, templates, note).mesh;
+    return testing::built(m).mesh;
 }
 
 /// Centres of a mesh's limit patches, by number.

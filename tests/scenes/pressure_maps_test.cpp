@@ -10,24 +10,16 @@
 #include "meshes/input_error.h"
 #include "scenes/load/finger_model.h"
 #include "scenes/load/section.h"
+#include "tests/scenes/named_finger.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
-FingerSpec preset(const std::string& name) {
-    FingerModel m;
-    Problems problems;
-    read_named_finger(name, "", m, problems);
-    EXPECT_TRUE(problems.messages.empty());
-    FingerTemplates templates;
-    std::string note;
-    return build_finger(m, templates, note);
-}
-
 PressedMaps press(const std::string& name, double most, double angle_deg = 0) {
     Threads threads(2);
-    return press_for_maps({preset(name), angle_deg * std::numbers::pi / 180, 0, 5e-3}, most, 100, threads);
+    return press_for_maps({testing::built(testing::named(name)), angle_deg * std::numbers::pi / 180, 0, 5e-3}, most,
+                          100, threads);
 }
 
 TEST(PressureMaps, FiguresAreOfTheMiddleAndThePeak) {
