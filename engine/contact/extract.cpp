@@ -17,6 +17,19 @@ Vec3<double> read_vec3(const LaneArray<T>& a, std::size_t index, int width, int 
     return {double(p[0]), double(p[width]), double(p[2 * width])};
 }
 
+/// Numbers `first` and on of an array [number][lane].
+template <class T>
+Vec3<T> read_point(const LaneArray<T>& a, std::size_t first, std::size_t width, std::size_t lane) {
+    const T* p = &a[first * width + lane];
+    return {p[0], p[width], p[2 * width]};
+}
+template <class T>
+Mat3<T> read_mat3(const LaneArray<T>& a, std::size_t first, std::size_t width, std::size_t lane) {
+    Mat3<T> m;
+    for (std::size_t i = 0; i < 9; ++i) m.m[i / 3][i % 3] = a[(first + i) * width + lane];
+    return m;
+}
+
 /// A sample of a nodal array of positions, world [m].
 template <class T>
 Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, std::size_t s, int lane) {
@@ -26,6 +39,35 @@ Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, s
     Vec3<double> x = lane_origin(c, lane);
     for (int k = 0; k < 3; ++k) x += f.weight[k] * read_vec3(nodal, f.node[k], c.width, lane);
     return x;
+}
+
+/// Normal of an object at a sample, world. In single precision by the numbers that the solve had: where a sample
+/// touches an edge, a rounding of its place turns the normal. (Then, of a mesh, of about length one.)
+template <class T>
+Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
+    const SkinTopology& t = *c.topology;
+    const std::size_t W = std::size_t(c.width), l = std::size_t(lane);
+    const LaneContact& o = c.contacts.at(slot, lane);
+    const T side = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * W + l];
+    if constexpr (std::is_same_v<T, double>)
+        return surface_point(o.shape, o.pose, sample_position(c, c.state.position, s, lane), int(side)).normal;
+    const Mat3<T> rotation = read_mat3(c.scratch.slot_frame, 24 * std::size_t(slot), W, l);
+    const Vec3<T> position = read_point(c.scratch.slot_frame, 24 * std::size_t(slot) + 9, W, l);
+    auto node = [&](int n) { return read_point(c.state.position, 3 * std::size_t(n), W, l); };
+    Vec3<T> x;
+    if (s < t.samples.size()) {
+        x = node(t.samples[s]);
+    } else {
+        const FaceSample& f = t.face_samples[s - t.samples.size()];
+        x = T(f.weight[0]) * node(f.node[0]);
+        for (int k = 1; k < 3; ++k) x += T(f.weight[k]) * node(f.node[k]);
+    }
+    const Vec3<T> local = transposed_times(rotation, x - position);
+    const Vec3<T> size{T(o.shape.size.x), T(o.shape.size.y), T(o.shape.size.z)};
+    const Vec3<T> n = rotation * (has_sides(o.shape.kind) ? sided_point(o.shape.kind, size, local, side)
+                                                          : local_surface_point(o.shape, local))
+                                     .normal;
+    return {double(n.x), double(n.y), double(n.z)};
 }
 
 /// Force of an object on a sample, world [N].
@@ -49,10 +91,7 @@ SampleForce sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t 
         sums.friction_available += object.friction * std::max(normal_force, 0.0);
     }
     if (normal_force > 0) {
-        const Vec3<double> normal =
-            surface_point(object.shape, object.pose, x,
-                          int(c.state.contact_side[i * std::size_t(c.width) + std::size_t(lane)]))
-                .normal;
+        const Vec3<double> normal = pressed_normal(c, lane, slot, s);
         force.pressing = normal_force * normal;
         force.whole = force.pressing + force.whole;
         const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
@@ -95,9 +134,7 @@ int pressed_from_inside(const SkinChunk<T>& c, int lane, const ContactSurface& o
         for (std::size_t s = 0; s < t.samples.size(); ++s) {
             const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * std::size_t(c.width) + std::size_t(lane);
             if (!(c.state.normal_multiplier[i] > 0)) continue;
-            const LaneContact& o = c.contacts.at(slot, lane);
-            const Vec3<double> x = node_position(c, t.samples[s], lane);
-            const Vec3<double> n = surface_point(o.shape, o.pose, x, int(c.state.contact_side[i])).normal;
+            const Vec3<double> n = pressed_normal(c, lane, slot, s);
             const Vec3<double> outward = rotation_matrix(out.bone.rotation) * out.outward[s];
             wrong += dot(n, outward) > straight * norm(outward);
         }
