@@ -42,14 +42,15 @@ Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, s
 }
 
 /// Normal of an object at a sample, world. In single precision by the numbers that the solve had: where a sample
-/// touches an edge, a rounding of its place turns the normal. (Then, of a mesh, of about length one.)
+/// touches an edge, a rounding of its place turns the normal. (Then, of a mesh, of about length one.) Planes between
+/// fingers are where balance_planes has put them since.
 template <class T>
 Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
     const SkinTopology& t = *c.topology;
     const std::size_t W = std::size_t(c.width), l = std::size_t(lane);
     const LaneContact& o = c.contacts.at(slot, lane);
     const T side = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * W + l];
-    if constexpr (std::is_same_v<T, double>)
+    if (std::is_same_v<T, double> || o.finger >= 0)
         return surface_point(o.shape, o.pose, sample_position(c, c.state.position, s, lane), int(side)).normal;
     const Mat3<T> rotation = read_mat3(c.scratch.slot_frame, 24 * std::size_t(slot), W, l);
     const Vec3<T> position = read_point(c.scratch.slot_frame, 24 * std::size_t(slot) + 9, W, l);

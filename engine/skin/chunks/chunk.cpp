@@ -80,43 +80,55 @@ Eigen::Matrix<double, 3, 2> tangents_of(const Eigen::Vector3d& normal, const Eig
     return tangents;
 }
 
-/// Tangents of all elements; any where one has no membrane. What shares a patch has tangents that match.
+/// Shape gradients along tangents of all elements; along any where one has no membrane. What shares a patch has
+/// tangents that match.
 template <class T>
-void set_membrane_tangents(SkinChunk<T>& c, int lane, const std::vector<Point>& normals) {
+void set_membrane_slopes(SkinChunk<T>& c, int lane, const std::vector<Point>& normals) {
     const SkinTopology& t = *c.topology;
     const auto W = std::size_t(c.width), l = std::size_t(lane);
     auto normal_of = [&](std::size_t e) -> Eigen::Vector3d {
         if (normals.empty()) return Eigen::Vector3d::UnitZ();
         return Eigen::Map<const Eigen::Vector3d>(normals.at(std::size_t(t.mesh_element[e])).data()).normalized();
     };
-    auto set = [&](std::size_t e, const Eigen::Vector3d& normal, const Eigen::Vector3d& along) {
-        const Eigen::Matrix<double, 3, 2> tangents = tangents_of(normal, along);
-        for (int i = 0; i < 6; ++i)
-            c.rest.membrane_tangents[(6 * e + std::size_t(i)) * W + l] = T(tangents(i % 3, i / 3));
+    auto gradient_of = [&](std::size_t e, int node) {
+        Eigen::Vector3d g = Eigen::Vector3d::Zero();
+        for (std::size_t b = 1; b < 4; ++b)
+            for (std::size_t d = 0; d < 3; ++d) {
+                const double of_b = double(c.rest.shape_gradients[(9 * e + 3 * (b - 1) + d) * W + l]);
+                g[Eigen::Index(d)] += node == t.elements[e][0] ? -of_b : node == t.elements[e][b] ? of_b : 0;
+            }
+        return g;
     };
-    for (std::size_t e = 0; e < t.elements.size(); ++e) set(e, normal_of(e), normal_of(e).unitOrthogonal());
+    auto set = [&](std::size_t e, const std::array<int, 4>& corner, const Eigen::Vector3d& normal,
+                   const Eigen::Vector3d& along) {
+        const Eigen::Matrix<double, 3, 2> tangents = tangents_of(normal, along);
+        for (std::size_t a = 1; a < 4; ++a) {
+            const Eigen::Vector2d slope = tangents.transpose() * gradient_of(e, corner[a]);
+            const bool missing = corner[a] == corner[0];
+            for (std::size_t k = 0; k < 2; ++k)
+                c.rest.membrane_slopes[(6 * e + 2 * (a - 1) + k) * W + l] = missing ? T(0) : T(slope[Eigen::Index(k)]);
+        }
+    };
+    for (std::size_t e = 0; e < t.elements.size(); ++e)
+        set(e, t.elements[e], normal_of(e), normal_of(e).unitOrthogonal());
     for (const MembranePatch& p : t.membrane_patches) {
         std::vector<Eigen::Vector3d> own;
         Eigen::Vector3d mean = Eigen::Vector3d::Zero();
         for (int i = p.first; i < p.first + p.count; ++i) {
             const auto e = std::size_t(t.membrane_elements[std::size_t(i)]);
+            const auto& corner = t.membrane_corner[std::size_t(i)];
             own.push_back(normal_of(e));
-            for (std::size_t a = 0; a < 4; ++a) {
-                if (t.membrane_place[std::size_t(i)][a] >= 0) continue;
-                // The face's: along the slope of the only node that is not in it.
-                Eigen::Vector3d slope = Eigen::Vector3d::Zero();
-                for (std::size_t b = 1; b < 4; ++b)
-                    for (std::size_t d = 0; d < 3; ++d) {
-                        const double g = double(c.rest.shape_gradients[(9 * e + 3 * (b - 1) + d) * W + l]);
-                        slope[Eigen::Index(d)] += a == 0 ? -g : a == b ? g : 0;
-                    }
-                own.back() = -slope.normalized();
-            }
+            // The face's: along the slope of the only node that is not in it.
+            for (int node : t.elements[e])
+                if (std::find(corner.begin(), corner.end(), node) == corner.end())
+                    own.back() = -gradient_of(e, node).normalized();
             mean += own.back();
         }
         const Eigen::Vector3d along = mean.squaredNorm() > 1e-6 ? mean.unitOrthogonal() : own[0].unitOrthogonal();
-        for (int i = 0; i < p.count; ++i)
-            set(std::size_t(t.membrane_elements[std::size_t(p.first + i)]), own[std::size_t(i)], along);
+        for (int i = 0; i < p.count; ++i) {
+            const auto at = std::size_t(p.first + i);
+            set(std::size_t(t.membrane_elements[at]), t.membrane_corner[at], own[std::size_t(i)], along);
+        }
     }
 }
 
@@ -204,7 +216,7 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
         c.rest.patch_bulk[k * std::size_t(W) + std::size_t(lane)] = T(1 / compliance);
     }
     if (c.has_limits && !t.limit_patches.empty()) set_patch_limits(c, lane);
-    if (c.has_membranes) set_membrane_tangents(c, lane, p.membrane_normal);
+    if (c.has_membranes) set_membrane_slopes(c, lane, p.membrane_normal);
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
     for (int i = 0; i < t.node_count; ++i) {
         c.rest.mass[i * W + lane] = T(mass[i]);

@@ -26,7 +26,7 @@ struct SkinRest {
     LaneArray<T> mu, lambda;                    ///< [element] Lame parameters [Pa]
     LaneArray<T> patch_bulk;                    ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
     LaneArray<T> membrane_mu, membrane_lambda;  ///< [element] in plane stress [Pa]; empty without membranes
-    LaneArray<T> membrane_tangents;             ///< [element][2][xyz] of the skin, rest shape; empty without membranes
+    LaneArray<T> membrane_slopes;               ///< [element][corner 1..3][2] shape gradients along tangents [1/m]
     LaneArray<T> limit_low, limit_high;         ///< [limit] bounds on principal stretches; empty without limits
     LaneArray<T> limit_slopes;                  ///< [node of a limit patch][xyz] volume dF/dx [m^2]
     LaneArray<T> limit_volume;                  ///< [limit patch] [m^3]

@@ -77,7 +77,7 @@ void for_each_rest_field(Chunk& c, Visit visit) {
     visit(r.patch_bulk, Field{rest, lane, c.topology->patches.size()});
     visit(r.membrane_mu, Field{rest, lane, n.membranes});
     visit(r.membrane_lambda, Field{rest, lane, n.membranes});
-    visit(r.membrane_tangents, Field{rest, lane, 6 * n.membranes});
+    visit(r.membrane_slopes, Field{rest, lane, 6 * n.membranes});
     visit(r.limit_low, Field{rest, lane, n.limited});
     visit(r.limit_high, Field{rest, lane, n.limited});
     visit(r.limit_penalty, Field{rest, lane, n.limited});

@@ -400,13 +400,12 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         number_blocks(p, t.membrane_nodes, t.membrane_blocks);
         const auto nodes = t.membrane_nodes.begin() + p.first_node;
         for (int i = p.first; i < p.first + p.count; ++i) {
-            auto& place = t.membrane_place.emplace_back();
-            for (std::size_t a = 0; a < 4; ++a) {
-                const int at = int(std::find(nodes, nodes + p.node_count,
-                                             t.elements[std::size_t(t.membrane_elements[std::size_t(i)])][a]) -
-                                   nodes);
-                place[a] = at < p.node_count ? at : -1;
-            }
+            auto &place = t.membrane_place.emplace_back(), &corner = t.membrane_corner.emplace_back();
+            std::size_t corners = 0;
+            for (int node : t.elements[std::size_t(t.membrane_elements[std::size_t(i)])])
+                if (const auto at = std::find(nodes, nodes + p.node_count, node); at != nodes + p.node_count)
+                    place[corners] = int(at - nodes), corner[corners++] = node;
+            if (corners == 3) place[3] = -1, corner[3] = corner[0];
         }
     }
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));

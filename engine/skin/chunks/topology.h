@@ -72,6 +72,7 @@ struct MembranePatch {
     int first_block = 0;                 ///< in membrane_blocks: of the node pairs 00, 10, 11, 20, ...
 };
 inline constexpr int most_membrane_elements = 8;
+inline constexpr int membrane_registers = 4;  ///< of elements whose membranes are taken together, of a finger alone
 
 /// Connectivity of one skin. Bone nodes are fixed in the bone; the unknowns are the free nodes, then the bone's
 /// position, then its rotation: the bone comes last in the elimination, so its 6x6 block is the Schur complement
@@ -102,9 +103,12 @@ struct SkinTopology {
 
     std::vector<MembranePatch> membrane_patches;  ///< empty: each membrane resists its own stretch
     std::vector<int> membrane_elements, membrane_nodes, membrane_blocks;  ///< as MembranePatch says
-    std::vector<std::array<int, 4>> membrane_place;  ///< [membrane element] its nodes' places in membrane_nodes, from
-                                                     ///< the patch's first; -1: a node below the element's only face
-    std::vector<char> in_membrane_patch;             ///< [element] 1: in one; empty where there are none
+    std::vector<std::array<int, 4>> membrane_place;  ///< [membrane element] places of its corners in membrane_nodes,
+                                                     ///< from the patch's first, ascending; last -1: of its nodes, one
+                                                     ///< is below the only face that it has in the skin
+    std::vector<std::array<int, 4>>
+        membrane_corner;                  ///< [membrane element] these nodes; where one is missing, the first
+    std::vector<char> in_membrane_patch;  ///< [element] 1: in one; empty where there are none
 
     std::vector<int> bone_nodes;
     struct BoneEdge {

@@ -182,46 +182,49 @@ struct ElementNumbers {
     alignas(64) std::array<ScalarOf<R>, std::size_t(elements_at_once<R>) * count> of_element;
     const ScalarOf<R>* of(int k) const { return &of_element[std::size_t(k) * count]; }
 };
-template <Want want, class R, class Q>
-inline void turn(const ElementSums<Q>& sums, ElementNumbers<R>& out) {
+/// The first `used` of the `count` numbers of each of a register's elements, element after element.
+template <class R, class Q, std::size_t count>
+inline void turn_numbers(const Q* number, std::size_t used, ScalarOf<R>* out) {
     using T = ScalarOf<R>;
     using Row = HalfRegister<T>;
-    constexpr std::size_t side = sizeof(Row) / sizeof(T), lanes = elements_at_once<R>, numbers = ElementSums<Q>::count;
-    constexpr std::size_t used = want == Want::forces ? ElementSums<Q>::stiffness : numbers;
+    constexpr std::size_t side = sizeof(Row) / sizeof(T), lanes = elements_at_once<R>;
     for (std::size_t i = 0; i < used; i += side)
         for (std::size_t first = 0; first < lanes; first += side) {
             Row row[side];
             for (std::size_t k = 0; k < side; ++k)
-                std::memcpy(&row[k], reinterpret_cast<const T*>(&sums.number[i + k].v) + first, sizeof(Row));
+                std::memcpy(&row[k], reinterpret_cast<const T*>(&number[i + k].v) + first, sizeof(Row));
             transpose_square(row);
-            for (std::size_t k = 0; k < side; ++k)
-                std::memcpy(&out.of_element[(first + k) * numbers + i], &row[k], sizeof(Row));
+            for (std::size_t k = 0; k < side; ++k) std::memcpy(&out[(first + k) * count + i], &row[k], sizeof(Row));
         }
+}
+
+/// Adds nine numbers to a block of a finger alone, eight of them in a register (or two).
+template <class T>
+inline void add_nine(T* to, const T* from) {
+    using Row = HalfRegister<T>;
+    constexpr std::size_t side = sizeof(Row) / sizeof(T);
+    for (std::size_t i = 0; i < 8; i += side) {
+        Row sum, term;
+        std::memcpy(&sum, to + i, sizeof(Row));
+        std::memcpy(&term, from + i, sizeof(Row));
+        sum += term;
+        std::memcpy(to + i, &sum, sizeof(Row));
+    }
+    to[8] += from[8];
 }
 
 /// Adds what element e adds to a finger alone. Element after element: a sum of a node's is then the same in whatever
 /// register its elements were.
 template <Want want, class R>
 inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const ScalarOf<R>* from) {
-    using T = ScalarOf<R>;
-    using Row = HalfRegister<T>;
-    constexpr std::size_t side = sizeof(Row) / sizeof(T);
-    T* gradient = c.scratch.gradient.data();
+    auto* gradient = c.scratch.gradient.data();
     const auto& nodes = c.topology->elements[e];
     for (std::size_t a = 0; a < 4; ++a)
         for (int i = 0; i < 3; ++i) gradient[3 * nodes[a] + i] += from[3 * a + std::size_t(i)];
     if constexpr (want == Want::forces_and_matrix) {
         from += ElementSums<RegisterOf<R>>::stiffness;
         for (int block : c.topology->element_block[e]) {
-            T* to = &c.scratch.blocks[9 * std::size_t(block)];
-            for (std::size_t i = 0; i < 8; i += side) {
-                Row sum, term;
-                std::memcpy(&sum, to + i, sizeof(Row));
-                std::memcpy(&term, from + i, sizeof(Row));
-                sum += term;
-                std::memcpy(to + i, &sum, sizeof(Row));
-            }
-            to[8] += from[8];
+            add_nine(&c.scratch.blocks[9 * std::size_t(block)], from);
             from += 9;
         }
     }
@@ -318,7 +321,9 @@ inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda,
             for (int i = 0; i < 9; ++i) to[i] = K.m[i / 3][i % 3];
         });
     }
-    turn<want, R>(sums, out);
+    using Sums = ElementSums<Q>;
+    turn_numbers<R, Q, Sums::count>(sums.number.data(), want == Want::forces ? Sums::stiffness : Sums::count,
+                                    out.of_element.data());
 }
 
 /// Adds them, or those of one element of several fingers.

@@ -3,7 +3,7 @@
 // that place, turned with the bone, so that no element is decomposed but those near a strain limit. What that leaves
 // out grows with the square of the change of the deformation gradients since then.
 
-#include "engine/skin/tissue/laminate.h"
+#include "engine/skin/tissue/membranes.h"
 #include "engine/skin/tissue/patch_limits.h"
 #include "engine/skin/tissue/patches.h"
 

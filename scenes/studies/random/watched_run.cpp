@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "engine/contact/fitted.h"
 #include "engine/contact/shape.h"
 #include "scenes/studies/random/finger_state.h"
 
@@ -68,6 +69,15 @@ double rounding_of(const Watched& v, std::size_t finger) {
     return 2e-3 + 2 * double(std::numeric_limits<float>::epsilon()) * extent * stiffness;
 }
 
+/// Whether a finger's forces are one solve with those of bodies, or of other fingers: then what is left of its own may
+/// be as much as fitted::own_rounding.
+bool is_in_island(const World& w, std::size_t finger) {
+    const auto& near = w.finger_pairs.near;
+    return w.bodies.size() > 0 || std::any_of(near.begin(), near.end(), [&](const FingerPair& p) {
+               return p.a == int(finger) || p.b == int(finger);
+           });
+}
+
 /// A solve that says it has converged reports nothing beyond its tolerances. (What is measured from outside: the two
 /// laws around this one.)
 void check_status(const Watched& v, Findings& found) {
@@ -78,7 +88,7 @@ void check_status(const Watched& v, Findings& found) {
         if (!s.converged || s.reset) continue;
         const double pull = v.s.world.couplings.find(v.s.fingers[i])->force_N;
         const double forces = std::max({s.contact_force_N, norm(f.reaction), pull});
-        const double rounding = rounding_of(v, i);
+        const double rounding = std::max(rounding_of(v, i), is_in_island(v.s.world, i) ? fitted::own_rounding : 0);
         const double residual = std::max(1e-3, 3 * solver.tolerance) * forces + rounding;
         const double violation = 1.01 * solver.limit_tolerance + 1e-6;
         const double penetration = 1.01 * solver.contact_tolerance + 1e-8;
