@@ -122,27 +122,26 @@ struct MembraneElements {
 };
 
 /// What the elements of a register add, as memory holds it element after element: forces, parts of dS/dx, blocks.
-template <int corners, class T, int elements>
+template <class T, int elements>
 struct MembraneNumbers {
-    static constexpr std::size_t slope = 16, block = slope + (corners == 3 ? 32 : 40),
-                                 count = block + (corners == 3 ? 56 : 96);  // in squares of 8
+    static constexpr std::size_t slope = 16, block = slope + 40, count = block + 96;  // in squares of 8
     alignas(64) std::array<T, std::size_t(elements) * count> of_element;
     const T* of(int k) const { return &of_element[std::size_t(k) * count]; }
 };
-template <Want want, int corners, class R, class Q>
+template <Want want, class R, class Q>
 inline void turn_membranes(const MembraneState<Q>& s, const MembraneSlopes<Q>& slopes, const Q stress[3],
                            const Q& weight, const Q& exactness,
-                           MembraneNumbers<corners, ScalarOf<R>, elements_at_once<R>>& out) {
-    using Numbers = MembraneNumbers<corners, ScalarOf<R>, elements_at_once<R>>;
+                           MembraneNumbers<ScalarOf<R>, elements_at_once<R>>& out) {
+    using Numbers = MembraneNumbers<ScalarOf<R>, elements_at_once<R>>;
     std::array<Q, Numbers::count> number;
     auto put = [&](std::size_t at, const Vec3<Q>& v) { number[at] = v.x, number[at + 1] = v.y, number[at + 2] = v.z; };
     auto clear = [&](std::size_t from, std::size_t to) {
         for (std::size_t i = from; i < to; ++i) number[i] = Q(0);
     };
-    clear(std::size_t(3 * corners), Numbers::slope);
-    clear(Numbers::slope + std::size_t(9 * corners), Numbers::block);
-    clear(Numbers::block + std::size_t(9 * corners * (corners + 1) / 2), Numbers::count);
-    membrane_terms<want, corners>(
+    clear(12, Numbers::slope);
+    clear(Numbers::slope + 36, Numbers::block);
+    clear(Numbers::block + 90, Numbers::count);
+    membrane_terms<want, 4>(
         s, slopes, stress, weight, exactness, [&](int a, const Vec3<Q>& v) { put(std::size_t(3 * a), v); },
         [&](int a, int k, const Vec3<Q>& v) { put(Numbers::slope + std::size_t(9 * a + 3 * k), v); },
         [&](int a, int b, const Mat3<Q>& K) {
@@ -209,7 +208,7 @@ struct MembraneBatch {
 };
 
 /// Of patches `first` to `last` (not with it); adds their energies.
-template <int corners, class R>
+template <class R>
 inline void begin_batch(const SkinChunk<ScalarOf<R>>& c, std::size_t first, std::size_t last, MembraneBatch<R>& b,
                         Evaluation<R>& out) {
     using T = ScalarOf<R>;
@@ -224,7 +223,7 @@ inline void begin_batch(const SkinChunk<ScalarOf<R>>& c, std::size_t first, std:
         const MembraneElements<R, Q> elements(t, b.begin + n * step, std::min(step, b.count - n * step));
         auto position = [&](int a) { return elements.load_corner(c.state.position, t, a); };
         auto number = [&](int k) { return elements.load(c.rest.membrane_slopes, 6, std::size_t(k)); };
-        const MembraneState<Q>& s = b.state[n] = deformed_membrane<corners>(position, number, b.slopes[n]);
+        const MembraneState<Q>& s = b.state[n] = deformed_membrane<4>(position, number, b.slopes[n]);
         const Q volume = elements.load(c.rest.volume), mu = volume * elements.load(c.rest.membrane_mu), one(1);
         const auto at = std::size_t(n * step);
         store<Q>(&b.weight[at], mu);
@@ -252,7 +251,7 @@ inline void begin_batch(const SkinChunk<ScalarOf<R>>& c, std::size_t first, std:
 
 /// The same as add_membrane_group for patches `first` to `last` (not with it) of a finger alone: registers are filled
 /// with elements of several patches, and all is added up in the order in which one patch after the other would be.
-template <Want want, int corners, class R>
+template <Want want, class R>
 inline void add_membranes_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, std::size_t last, const R& exactness,
                                  Evaluation<R>& out) {
     using T = ScalarOf<R>;
@@ -260,7 +259,7 @@ inline void add_membranes_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, s
     constexpr int step = elements_at_once<R>;
     const SkinTopology& t = *c.topology;
     MembraneBatch<R> batch;
-    begin_batch<corners, R>(c, first, last, batch, out);
+    begin_batch<R>(c, first, last, batch, out);
     std::size_t number = first;
     Vec3<R> slope[4 * most_membrane_elements][3];
     auto clear_slope = [&] {
@@ -270,13 +269,13 @@ inline void add_membranes_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, s
     };
     clear_slope();
     for (int n = 0; n < batch.registers; ++n) {
-        using Numbers = MembraneNumbers<corners, T, step>;
+        using Numbers = MembraneNumbers<T, step>;
         Numbers numbers;
         const auto at = std::size_t(n * step);
         const Q stress[3] = {load<Q>(&batch.stress[0][at]), load<Q>(&batch.stress[1][at]),
                              load<Q>(&batch.stress[2][at])};
-        turn_membranes<want, corners, R>(batch.state[n], batch.slopes[n], stress, load<Q>(&batch.weight[at]),
-                                         repeat_part<Q>(exactness), numbers);
+        turn_membranes<want, R>(batch.state[n], batch.slopes[n], stress, load<Q>(&batch.weight[at]),
+                                repeat_part<Q>(exactness), numbers);
         for (int k = 0; k < std::min(step, batch.count - n * step); ++k) {
             const auto m = std::size_t(batch.begin + n * step + k);
             const MembranePatch& patch = t.membrane_patches[number];
@@ -328,12 +327,7 @@ inline void add_membrane_patches(SkinChunk<ScalarOf<R>>& c, const R& exactness, 
             const int begin = patches[first].first;
             for (last = first + 1; last < patches.size(); ++last)
                 if (patches[last].first + patches[last].count - begin > most) break;
-            const auto place = t.membrane_place.begin() + begin;
-            if (std::all_of(place, place + (patches[last - 1].first + patches[last - 1].count - begin),
-                            [](const auto& p) { return p[3] < 0; }))
-                add_membranes_of_one<want, 3>(c, first, last, exactness, out);
-            else
-                add_membranes_of_one<want, 4>(c, first, last, exactness, out);
+            add_membranes_of_one<want>(c, first, last, exactness, out);
         }
     }
 }
