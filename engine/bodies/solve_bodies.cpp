@@ -62,8 +62,9 @@ bool renew_where_slow(Work& w) {
     for_each_lane(w, [&](auto& c, int lane, const Island& i) {
         if (!i.slow || i.progress.converged) return;
         auto& wait = c.state.matrix_wait[std::size_t(lane)];
-        forget_matrix(c, lane, detail::fitted::unkept_steps * int(wait));
-        wait = std::min(2 * wait, decltype(2 * wait)(detail::fitted::longest_wait));
+        const int steps = std::max(int(wait), detail::fitted::unkept_steps);
+        forget_matrix(c, lane, steps);
+        wait = decltype(2 * wait)(std::min(2 * steps, detail::fitted::longest_wait));
         any |= bool(i.decision.newton);
     });
     return any;

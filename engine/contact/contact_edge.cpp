@@ -7,22 +7,42 @@
 
 namespace palpate {
 
+namespace {
+
+/// Roots s of (1 - s)^3 = square s between 0 and 1, of which the left falls and the right rises: the difference is
+/// convex, so that Newton's steps rise to the root. Many at once do not wait for each other. Squares from 0 to `far`.
+constexpr double far = 1e30;  // the root is 1e-30
+void find_reaches(int count, const double* square, double* reach) {
+    for (int i = 0; i < count; ++i) {
+        const double k = square[i], w = std::cbrt(std::min(k, 1.0));
+        reach[i] = k < 1 ? 1 - w * (1 - w / 3) : 1 / (3 + k);
+    }
+    double longest = 1;
+    for (int iteration = 0; iteration < 50 && longest > 1e-12; ++iteration) {
+        longest = 0;
+        for (int i = 0; i < count; ++i) {
+            const double left = 1 - reach[i], f = left * left * left - square[i] * reach[i];
+            const double step = f / (3 * left * left + square[i] + 1e-300);
+            reach[i] += step;
+            longest = std::max(longest, std::abs(step));
+        }
+    }
+    for (int i = 0; i < count; ++i) reach[i] = std::clamp(reach[i], 0.0, 1.0);
+}
+
+}  // namespace
+
 double reach_along_edge(double pressure, double gap, double length, double modulus) {
     if (!(pressure > 0)) return 0;
     if (!(gap > 0)) return 1;
     if (!(length > 0)) return 1;
-    // With s in units of the length: (1 - s)^(3/2) = c sqrt(s), that is (1 - s)^3 = c^2 s, of which the left falls and
-    // the right rises.
+    // With s in units of the length: (1 - s)^(3/2) = c sqrt(s).
     const double c = fitted::nodal_gap * 0.75 * modulus * gap / (pressure * length), square = c * c;
     if (!std::isfinite(square)) return 0;
-    double s = 1 / (3 + square);  // Newton from the left of the root: the difference is convex, so that it rises to it
-    for (int i = 0; i < 50; ++i) {
-        const double left = 1 - s, f = left * left * left - square * s;
-        const double step = f / (3 * left * left + square);
-        s += step;
-        if (step < 1e-12) break;
-    }
-    return std::clamp(s, 0.0, 1.0);
+    double reach;
+    const double asked = std::min(square, far);
+    find_reaches(1, &asked, &reach);
+    return reach;
 }
 
 Vec3<double> face_point(const ContactSurface& surface, int face, const std::array<double, 3>& share) {
@@ -69,23 +89,76 @@ PressedFace pressed_part(const ContactSurface& surface, int face) {
     return out;
 }
 
+namespace {
+
+/// Twice the area of a face, as it is deformed [m^2].
+double twice_area(const ContactSurface& c, const std::array<int, 3>& face) {
+    const Vec3<double>& a = c.position[std::size_t(face[0])];
+    return norm(cross(c.position[std::size_t(face[1])] - a, c.position[std::size_t(face[2])] - a));
+}
+
+/// What reach_along_edge() squares, from a sample that touches to one that does not, at most `far`.
+double edge_square(const ContactSurface& c, std::size_t touching, std::size_t free) {
+    const Vec3<double>&force = c.pressing[touching], along = c.position[free] - c.position[touching];
+    const double bears = dot(force, force) * dot(along, along);
+    const double gives = fitted::nodal_gap * 0.75 * c.modulus * c.gap[free] * c.area[touching];
+    if (!(dot(force, force) > 0)) return far;
+    return bears > 0 && c.gap[free] > 0 ? std::min(gives * gives / bears, far) : 0;
+}
+
+/// Faces across which contact ends; their edges are asked together (find_reaches).
+struct CrossedFaces {
+    static constexpr int room = 32;
+    int count = 0;
+    bool corner[room];  ///< one sample touches; else two do
+    double area[room];  ///< twice that of the whole face [m^2]
+    double square[2 * room], reach[2 * room];
+};
+
+/// Twice the area in contact of these faces [m^2]: a corner's part is what both edges cut off.
+double area_of(CrossedFaces& c) {
+    find_reaches(2 * c.count, c.square, c.reach);
+    double sum = 0;
+    for (int i = 0; i < c.count; ++i) {
+        const double a = c.reach[2 * i], b = c.reach[2 * i + 1];
+        sum += c.area[i] * (c.corner[i] ? a * b : 1 - (1 - a) * (1 - b));
+    }
+    c.count = 0;
+    return sum;
+}
+
+}  // namespace
+
 double area_in_contact(const ContactSurface& surface) {
     if (surface.faces.empty()) {
         double area = 0;
         for (std::size_t s = 0; s < surface.touches.size(); ++s) area += surface.touches[s] ? surface.area[s] : 0;
         return area;
     }
-    double area = 0;
-    for (int face = 0; face < int(surface.faces.size()); ++face) {
-        const PressedFace pressed = pressed_part(surface, face);
-        for (int k = 0; k < pressed.count; ++k) {
-            const auto& corner = pressed.part[std::size_t(k)].corner;
-            const Vec3<double> a = face_point(surface, face, corner[0]);
-            area +=
-                0.5 * norm(cross(face_point(surface, face, corner[1]) - a, face_point(surface, face, corner[2]) - a));
+    double twice = 0;
+    CrossedFaces crossed;
+    for (const std::array<int, 3>& f : surface.faces) {
+        const auto touches = [&](std::size_t k) { return int(surface.touches[std::size_t(f[k])]); };
+        const int touching = touches(0) + touches(1) + touches(2);
+        if (touching == 0) continue;
+        const double area = twice_area(surface, f);
+        if (touching == 3) {
+            twice += area;
+            continue;
         }
+        const bool corner = touching == 1;
+        std::size_t odd = 0;  // the one that touches, or does not, alone
+        while (touches(odd) != int(corner)) ++odd;
+        const int i = crossed.count++;
+        crossed.corner[i] = corner, crossed.area[i] = area;
+        for (std::size_t k = 0; k < 2; ++k) {
+            const auto alone = std::size_t(f[odd]), other = std::size_t(f[(odd + 1 + k) % 3]);
+            crossed.square[2 * i + int(k)] =
+                corner ? edge_square(surface, alone, other) : edge_square(surface, other, alone);
+        }
+        if (crossed.count == CrossedFaces::room) twice += area_of(crossed);
     }
-    return area;
+    return 0.5 * (twice + area_of(crossed));
 }
 
 std::vector<Vec3<double>> contact_outline(const ContactSurface& surface) {

@@ -74,6 +74,7 @@ Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size
 /// Force of an object on a sample, world [N].
 struct SampleForce {
     Vec3<double> whole{0, 0, 0}, pressing{0, 0, 0};  ///< with friction; along the object's normal alone
+    Vec3<double> normal{0, 0, 0};                    ///< of the object; where it presses
 };
 
 /// Force of an object on a sample at x; adds to the sums of the object. Friction acts with the normal force of
@@ -92,7 +93,7 @@ SampleForce sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t 
         sums.friction_available += object.friction * std::max(normal_force, 0.0);
     }
     if (normal_force > 0) {
-        const Vec3<double> normal = pressed_normal(c, lane, slot, s);
+        const Vec3<double> normal = force.normal = pressed_normal(c, lane, slot, s);
         force.pressing = normal_force * normal;
         force.whole = force.pressing + force.whole;
         const Vec3<double> before = sample_position(c, c.scratch.start_position, s, lane);
@@ -124,22 +125,11 @@ void find_outward(ContactSurface& out) {
     }
 }
 
-/// Nodes that are pressed out of the finger, rather than into it: along their own outward normal. What presses there
+/// Whether a node is pressed out of the finger, rather than into it: along its own outward normal. What presses there
 /// has passed through the skin.
-template <class T>
-int pressed_from_inside(const SkinChunk<T>& c, int lane, const ContactSurface& out) {
+bool is_pressed_from_inside(const SampleForce& force, const Vec3<double>& outward) {
     constexpr double straight = 0.7;  // skin that folds around an edge meets it from the side
-    const SkinTopology& t = *c.topology;
-    int wrong = 0;
-    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
-        for (std::size_t s = 0; s < t.samples.size(); ++s) {
-            const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * std::size_t(c.width) + std::size_t(lane);
-            if (!(c.state.normal_multiplier[i] > 0)) continue;
-            const Vec3<double> n = pressed_normal(c, lane, slot, s);
-            const Vec3<double> outward = rotation_matrix(out.bone.rotation) * out.outward[s];
-            wrong += dot(n, outward) > straight * norm(outward);
-        }
-    return wrong;
+    return dot(force.normal, outward) > straight * norm(outward);
 }
 
 /// Of samples beside those that touch: how far what is nearest is from them. Nothing near: far.
@@ -196,6 +186,8 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
         out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
         out.force[s] = out.pressing[s] = {0, 0, 0};
     }
+    if (slots > 0) find_outward(out);
+    int pressed_from_inside = 0;
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         const Vec3<double> x = sample_position(c, c.state.position, s, lane);
         SampleForce force;
@@ -209,6 +201,8 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
             force.pressing += f.pressing;
             normal_force += std::max(normal, 0.0);
             felt = true;
+            if (s < S && normal > 0)
+                pressed_from_inside += is_pressed_from_inside(f, rotation_matrix(bone.rotation) * out.outward[s]);
         }
         if (!felt) continue;
         const char touches = normal_force > 0;
@@ -232,9 +226,7 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     find_gaps(c, lane, out);
     measure_touching(out);
     SkinStatus& status = c.status[std::size_t(lane)];
-    if (slots > 0) find_outward(out);
-    status.wrong_sides = out.touching > 0 ? pressed_from_inside(c, lane, out) : 0;
-    status.wrong_sides += nodes_behind(c, lane, out);
+    status.wrong_sides = pressed_from_inside + nodes_behind(c, lane, out);
     // An island has converged as a whole: what little is left of its forces may be much of one finger's.
     const double share = std::max(fitted::own_residual, 3 * tolerance);
     const bool unbalanced = status.residual_N > std::max(share * status.contact_force_N, fitted::own_rounding);

@@ -61,6 +61,37 @@ TEST(ContactEdge, OutlineEnclosesTheArea) {
     EXPECT_EQ(area_in_contact(c), 0);
 }
 
+/// More faces than are asked at once, with one, two, or three samples that touch.
+TEST(ContactEdge, AreaIsThatOfThePartsThatOthersRead) {
+    constexpr int side = 9;
+    ContactSurface c;
+    for (int y = 0; y < side; ++y)
+        for (int x = 0; x < side; ++x) {
+            c.position.push_back({1e-3 * x + 1e-4 * y, 1e-3 * y, 1e-4 * x * y});
+            c.touches.push_back((x * x + 3 * y + x * y) % 5 < 2);
+            c.pressing.push_back({0, 0, c.touches.back() ? std::pow(10.0, (x + 2 * y) % 7 - 8) : 0});
+            c.gap.push_back(c.touches.back() ? 0 : std::pow(10.0, (2 * x + y) % 9 - 12));
+            if (x == 0 || y == 0) continue;
+            const int i = y * side + x;
+            c.faces.push_back({i - side - 1, i - side, i});
+            c.faces.push_back({i - side - 1, i, i - 1});
+        }
+    c.gap[3] = HUGE_VAL;
+    c.area.assign(c.position.size(), 1e-6);
+    c.modulus = 40e3;
+    double parts = 0;
+    for (int face = 0; face < int(c.faces.size()); ++face) {
+        const PressedFace pressed = pressed_part(c, face);
+        for (int k = 0; k < pressed.count; ++k) {
+            std::array<Vec3<double>, 3> x;
+            for (std::size_t i = 0; i < 3; ++i) x[i] = face_point(c, face, pressed.part[std::size_t(k)].corner[i]);
+            parts += 0.5 * norm(cross(x[1] - x[0], x[2] - x[0]));
+        }
+    }
+    EXPECT_GT(parts, 1e-5);
+    EXPECT_NEAR(area_in_contact(c), parts, 1e-11 * parts);
+}
+
 TEST(ContactEdge, ANodeThatBeginsToTouchChangesNoArea) {
     ContactSurface c = one_corner();
     c.gap[1] = 1e-12;

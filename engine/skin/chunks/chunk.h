@@ -63,7 +63,8 @@ struct SkinState {
     LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (newton.h)
     LaneArray<T> matrix_kept;      ///< [1] 1: the blocks hold a matrix that may be kept (kept_matrix.h), 2: that was;
                                    ///< 0: none; -n: none is to be kept for n steps
-    LaneArray<T> matrix_wait;      ///< [1] grows where kept matrices are of no use again and again
+    LaneArray<T> matrix_wait;      ///< [1] steps to wait if it is of no use, more where that is so again and again;
+                                   ///< then it is tried again in a step whose number they divide
     LaneArray<T> matrix_limits;    ///< [1] the limits that it knows (Evaluation::limits_met)
     LaneArray<T> penalty_scale;    ///< [2] of limits, of contacts: grow where their multipliers converge slowly
 };

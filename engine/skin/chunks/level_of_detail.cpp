@@ -204,10 +204,13 @@ void choose_matrices(SkinChunk<T>& c, const SolverSettings& settings, std::int64
     for (int lane = 0; lane < c.width; ++lane) {
         T& kept = c.state.matrix_kept[std::size_t(lane)];
         const bool active = (active_lanes(c) >> lane) & 1u;  // blocks of lanes that are left out may be anything
-        if (kept < T(0))
-            kept += T(1);
-        else if (due || !active)
+        if (kept < T(0)) {
+            // Neighbours are evaluated together: those that try again do so in the same steps.
+            const auto every = std::max(std::int64_t(1), std::int64_t(c.state.matrix_wait[std::size_t(lane)]));
+            if (kept < T(-1) || step % every == 0) kept += T(1);
+        } else if (due || !active) {
             kept = T(0);
+        }
     }
 }
 

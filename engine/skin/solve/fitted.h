@@ -71,9 +71,9 @@ inline constexpr double kept_contact_share = 0.03;
 inline constexpr int kept_iterations = 2;
 inline constexpr double slow_share = 0.1;
 inline constexpr int unkept_steps = 8;
-/// Times that many, where they are of no use again and again (five fingers pressed at 10 mm/s: a quarter longer
+/// At most so many, where they are of no use again and again (five fingers pressed at 10 mm/s: a quarter longer
 /// without).
-inline constexpr int longest_wait = 16;
+inline constexpr int longest_wait = 128;
 
 // --- Penalties (newton.h, elements.h, sample_contact.h) ---
 /// Multipliers that do not shrink a violation by this from one update to the next get a penalty so much stiffer. It

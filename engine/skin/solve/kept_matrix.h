@@ -122,7 +122,13 @@ template <class R>
 inline unsigned take_other_limits(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, unsigned kept) {
     const R known = load<R>(c.state.matrix_limits.data());
     const unsigned other = bits_from_mask<R>((e.limits_met < known) | (e.limits_met > known)) & kept;
-    if (other != 0) forget_matrix<R>(c, mask_from_bits<R>(other), fitted::unkept_steps);
+    if (other != 0) {
+        const MaskOf<R> lanes = mask_from_bits<R>(other);
+        forget_matrix<R>(c, lanes, fitted::unkept_steps);
+        auto* wait = c.state.matrix_wait.data();
+        const R old = load<R>(wait);
+        store<R>(wait, select(lanes, maximum(old, R(fitted::unkept_steps)), old));
+    }
     return other;
 }
 
@@ -195,9 +201,9 @@ inline MaskOf<R> slow_lanes(SkinChunk<ScalarOf<R>>& c, const R& residual, LanePr
 template <class R>
 inline void wait_with_matrix(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     auto *kept = c.state.matrix_kept.data(), *wait = c.state.matrix_wait.data();
-    const R old = load<R>(kept), times = load<R>(wait);
-    store<R>(kept, select(lanes, minimum(old, R(-fitted::unkept_steps) * times), old));
-    store<R>(wait, select(lanes, minimum(R(2) * times, R(fitted::longest_wait)), times));
+    const R old = load<R>(kept), last = load<R>(wait), steps = maximum(last, R(fitted::unkept_steps));
+    store<R>(kept, select(lanes, minimum(old, -steps), old));
+    store<R>(wait, select(lanes, minimum(R(2) * steps, R(fitted::longest_wait)), last));
 }
 
 }  // namespace palpate::detail
