@@ -60,11 +60,11 @@ std::vector<Feature> features_of(const Shape& shape) {
 namespace {
 
 /// The point of a feature that is deepest in b, world.
-Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Shape& shape, const Pose<double>& b,
-                           int side) {
+Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const FeatureContact& c, const Shape& shape,
+                           const Pose<double>& b) {
     const Vec3<double> middle = transform(a, f.point);
     if (f.radius <= 0) return middle;
-    const Vec3<double> n = surface_point(shape, b, middle, side).normal;
+    const Vec3<double> n = surface_at(c, shape, b, middle, c.side).normal;
     if (dot(f.axis, f.axis) <= 0) return middle - f.radius * n;
     const Mat3<double> R = rotation_matrix(a.rotation);
     const Vec3<double> axis = R * f.axis;
@@ -79,6 +79,35 @@ Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Shape&
     return middle - f.radius * turned;
 }
 
+/// What touches at the start of a step.
+void touch_at_start(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c) {
+    const Vec3<double> point = deepest_point(f, a.start, c, *b.shape, b.start);
+    c.point_of_a = inverse_transform(a.start, point);
+    c.point_of_b = inverse_transform(b.start, point);
+}
+
+/// A way out of an object: its face there, in its frame.
+struct Face {
+    Vec3<double> normal{0, 0, 0};
+    double reach = 0;  ///< from its middle [m]
+};
+/// Those of a box, or both ends of a cylinder and its side towards x; unused ones have no normal.
+std::array<Face, 6> faces_of(const Shape& shape, const Vec3<double>& x) {
+    std::array<Face, 6> faces;
+    if (shape.kind == ShapeKind::cylinder) {
+        faces[0] = {{0, 0, 1}, shape.size.y};
+        faces[1] = {{0, 0, -1}, shape.size.y};
+        const double beside = std::hypot(x.x, x.y);
+        if (beside > 0) faces[2] = {{x.x / beside, x.y / beside, 0}, shape.size.x};
+        return faces;
+    }
+    for (std::size_t i = 0; i < 6; ++i) {
+        faces[i].normal[int(i / 2)] = i % 2 == 0 ? 1 : -1;
+        faces[i].reach = shape.size[int(i / 2)];
+    }
+    return faces;
+}
+
 }  // namespace
 
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
@@ -87,10 +116,49 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
         const Vec3<double> middle = inverse_transform(b.start, transform(a.start, features[i].point));
         const double travel = norm(inverse_transform(b.pose, transform(a.pose, features[i].point)) - middle);
         c.side = side_in_step(*b.shape, middle, c.side, travel);
-        const Vec3<double> point = deepest_point(features[i], a.start, *b.shape, b.start, c.side);
-        c.point_of_a = inverse_transform(a.start, point);
-        c.point_of_b = inverse_transform(b.start, point);
+        c.way = {0, 0, 0};
+        touch_at_start(features[i], a, b, c);
     }
+}
+
+SurfacePoint<double> surface_at(const FeatureContact& c, const Shape& b, const Pose<double>& pose,
+                                const Vec3<double>& point, int side) {
+    if (dot(c.way, c.way) <= 0) return surface_point(b, pose, point, side);
+    const Vec3<double> normal = rotation_matrix(pose.rotation) * c.way;
+    return {dot(normal, point - pose.position) - c.reach, normal};
+}
+
+bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
+    if (!has_sides(b.shape->kind)) return false;
+    Vec3<double> first{0, 0, 0};
+    bool one_face = true;
+    for (const FeatureContact& c : pair.contacts) {
+        if (c.undone <= 0) continue;
+        const Vec3<double> n = surface_at(c, *b.shape, b.start, transform(a.start, c.point_of_a), 0).normal;
+        if (dot(first, first) <= 0) first = n;
+        one_face &= dot(first, n) > fitted::one_face;
+    }
+    if (one_face) return false;
+    double least = HUGE_VAL;
+    FeatureContact best;
+    for (const Face& face : faces_of(*b.shape, inverse_transform(b.start, a.start.position))) {
+        FeatureContact out;
+        out.way = face.normal, out.reach = face.reach;
+        double deepest = dot(face.normal, face.normal) > 0 ? 0 : HUGE_VAL;
+        for (std::size_t i = 0; i < features.size(); ++i) {
+            if (pair.contacts[i].undone <= 0) continue;
+            const Vec3<double> point = deepest_point(features[i], a.start, out, *b.shape, b.start);
+            deepest = std::max(deepest, -surface_at(out, *b.shape, b.start, point, 0).distance);
+        }
+        if (deepest < least) least = deepest, best = out;
+    }
+    for (std::size_t i = 0; i < features.size(); ++i) {
+        FeatureContact& c = pair.contacts[i];
+        if (c.undone <= 0) continue;
+        c.way = best.way, c.reach = best.reach;
+        touch_at_start(features[i], a, b, c);
+    }
+    return true;
 }
 
 void undo_overlap(FeatureContact& c, double overlap, double recovery) {
@@ -106,8 +174,8 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
     const Mat3<double> R = rotation_matrix(b.pose.rotation);
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
-        const Vec3<double> point = deepest_point(features[i], a.pose, *b.shape, b.pose, c.side);
-        SurfacePoint<double> surface = surface_point(*b.shape, b.pose, point, c.side);
+        const Vec3<double> point = deepest_point(features[i], a.pose, c, *b.shape, b.pose);
+        SurfacePoint<double> surface = surface_at(c, *b.shape, b.pose, point, c.side);
         c.distance = surface.distance;
         surface.distance -= c.offset;
         const ContactTerms<double> normal = normal_terms(surface, pair.penalty, c.normal_multiplier);

@@ -51,7 +51,9 @@ struct FeatureContact {
     Vec3<double> normal_now{0, 0, 0};                       ///< b's frame
     double distance = 0;                                    ///< [m]
     int side = 0;                                           ///< of b that it is on (sided_point)
-    double approach = 0;                                    ///< speed of approach at the start [m/s]
+    Vec3<double> way{0, 0, 0};      ///< b's frame: the face that it leaves b by (find_way_out); zero: the nearest
+    double reach = 0;               ///< of b along that way [m]
+    double approach = 0;            ///< speed of approach at the start [m/s]
     double offset = 0;              ///< gap at which it touches: below 0 while an overlap is being undone [m]
     double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]
     double parting = 0, brake = 0;  ///< speed that is left [m/s], and the impulse that takes the rest away [N s]
@@ -70,6 +72,14 @@ struct BodyPair {
 
 /// Start of a step: which points touch, for friction.
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
+/// Features that are inside b, and whose nearest faces are not all one, would be pressed out of several at once, as a
+/// box that stands beside another is at its top, foot and side: all of them leave by the face of which the deepest is
+/// least deep. Of boxes and cylinders, among the features whose overlap undo_overlap() undoes. Returns whether it was
+/// so.
+bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
+/// Distance and normal of b at a point of a feature, both world, with b where `pose` is.
+SurfacePoint<double> surface_at(const FeatureContact& contact, const Shape& b, const Pose<double>& pose,
+                                const Vec3<double>& point, int side);
 /// A contact that begins its step with an `overlap` [m] of more than a tenth of a millimetre gives way by `recovery`
 /// [m] in this step, until none is left.
 void undo_overlap(FeatureContact& contact, double overlap, double recovery);

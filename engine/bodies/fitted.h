@@ -17,6 +17,8 @@ inline constexpr double deepest_under_load = 1e-4;
 /// Solves that end early leave some hundredths of a millimetre of overlap; what is deeper was there before, and is
 /// undone until it is shallower than the second [m].
 inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5;
+/// Normals are of one face where their cosine is above this.
+inline constexpr double one_face = 0.7;
 
 // --- The solve (solve_bodies.cpp) ---
 /// What may be left unbalanced of a body's weight, however hard it is gripped (a gram under a hard grip).

@@ -93,12 +93,19 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
         {fitted::least_pair_penalty, fitted::pair_inertia_share * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
     begin_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b]);
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
-    for (FeatureContact& c : p.contacts) {
-        const Vec3<double> point = transform(a.start, c.point_of_a);
-        const SurfacePoint<double> surface = surface_point(*b.shape, b.start, point);
-        c.approach = -dot(point_velocity(w, p, point), surface.normal);
-        if (w.solver.inertia) undo_overlap(c, -surface.distance, w.solver.dt * w.solver.recovery_speed);
-        if (c.undone > 0 && -surface.distance > w.s.deepest.depth) w.s.deepest = {p.a, p.b, -surface.distance, w.time};
+    auto begin_contacts = [&] {
+        for (FeatureContact& c : p.contacts) {
+            const Vec3<double> point = transform(a.start, c.point_of_a);
+            const SurfacePoint<double> surface = surface_at(c, *b.shape, b.start, point, 0);
+            c.approach = -dot(point_velocity(w, p, point), surface.normal);
+            if (w.solver.inertia) undo_overlap(c, -surface.distance, w.solver.dt * w.solver.recovery_speed);
+        }
+    };
+    begin_contacts();
+    if (find_way_out(p, w.s.features[p.a], a, b)) begin_contacts();
+    for (const FeatureContact& c : p.contacts) {
+        const double depth = -surface_at(c, *b.shape, b.start, transform(a.start, c.point_of_a), 0).distance;
+        if (c.undone > 0 && depth > w.s.deepest.depth) w.s.deepest = {p.a, p.b, depth, w.time};
     }
 }
 
