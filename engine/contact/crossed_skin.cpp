@@ -161,7 +161,55 @@ int corners_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, const 
     return count;
 }
 
+/// Whether the way from a to b (a mesh's frame) leads through a wall: steps along it are as long as the surface is far.
+bool leads_through(const DistanceMesh& mesh, const Vec3<double>& a, const Vec3<double>& b) {
+    constexpr double touching = 1e-6, shortest = 1.0 / 256, opposite = -0.5;
+    constexpr int most = 400;
+    const Vec3<double> way = b - a;
+    const double length = norm(way);
+    bool inside = false;
+    Vec3<double> entered{0, 0, 0};
+    double at = 0;
+    for (int step = 0; step < most; ++step) {
+        const MeshPoint p = mesh_surface_distance(mesh, a + (at / length) * way);
+        if (step == 0 && p.distance > length) return false;
+        if (!inside && p.distance < touching && dot(p.normal, way) < 0) inside = true, entered = p.normal;
+        if (inside && p.distance > -touching && dot(p.normal, way) > 0) {
+            if (dot(p.normal, entered) < opposite) return true;
+            inside = false;
+        }
+        if (at >= length) return false;
+        at = std::min(length, at + std::max(std::abs(p.distance), shortest * length));
+    }
+    return false;
+}
+
 }  // namespace
+
+template <class T>
+int nodes_through_walls(SkinChunk<T>& c, int lane, const ContactSurface& surface) {
+    const SkinTopology& t = *c.topology;
+    int count = 0;
+    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+        const LaneContact& o = c.contacts.at(slot, lane);
+        if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind != ShapeKind::mesh) continue;
+        const bool moves = !c.status[std::size_t(lane)].reset && travel(c, lane, o) > fast * surface.longest_edge;
+        for (std::size_t s = 0; s < t.samples.size(); ++s) {
+            T& through = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * std::size_t(c.width) +
+                                              std::size_t(lane)];
+            if (moves) {
+                const T* x = &c.scratch.start_position[std::size_t(3 * t.samples[s] * c.width + lane)];
+                const Vec3<double> before =
+                    lane_origin(c, lane) + Vec3<double>{double(x[0]), double(x[c.width]), double(x[2 * c.width])};
+                const Vec3<double> now = transform(surface.bone, surface.position[s]);
+                if (leads_through(*o.shape.mesh, inverse_transform(o.start, before), inverse_transform(o.pose, now)))
+                    through = T(1) - through;
+            }
+            count += through > T(0);
+        }
+    }
+    return count;
+}
 
 template <class T>
 int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
@@ -177,6 +225,8 @@ int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface)
     return count;
 }
 
+template int nodes_through_walls(SkinChunk<double>&, int, const ContactSurface&);
+template int nodes_through_walls(SkinChunk<float>&, int, const ContactSurface&);
 template int nodes_behind(const SkinChunk<double>&, int, const ContactSurface&);
 template int nodes_behind(const SkinChunk<float>&, int, const ContactSurface&);
 

@@ -15,4 +15,10 @@ namespace palpate {
 template <class T>
 int nodes_behind(const SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
 
+/// Nodes of the pad that have come through walls of meshes, whose field knows no sides: in by one face and out by one
+/// that faces the other way, on the straight way that they and the object went in one step. A node counts until it
+/// comes back, or the object is far. Notes them in contact_side, which of a mesh is not used otherwise.
+template <class T>
+int nodes_through_walls(SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
+
 }  // namespace palpate

@@ -52,9 +52,17 @@ std::string number_text(double x) {
     return out.str();
 }
 
+bool is_much_like(const std::string& word, const std::string& known) {
+    if (word.size() >= 100) return false;  // nobody meant a word by a longer one, and comparing takes long
+    const bool without_unit = known.rfind(word + "_", 0) == 0;
+    return without_unit || edit_distance(known, word) <= std::max<std::size_t>(2, word.size() / 4);
+}
+
 std::string nearest_or_all(const std::string& word, const std::vector<std::string>& known) {
-    if (word.size() < 100) {  // nobody meant a word by a longer one, and comparing takes long
+    if (word.size() < 100) {
         std::string nearest;
+        for (const std::string& k : known)
+            if (k.rfind(word + "_", 0) == 0) return "did you mean '" + k + "'?";
         for (const std::string& k : known)
             if (edit_distance(k, word) <= std::max<std::size_t>(2, word.size() / 4) &&
                 (nearest.empty() || edit_distance(k, word) < edit_distance(nearest, word)))

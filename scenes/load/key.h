@@ -65,6 +65,8 @@ struct KeyInfo {
 std::string joined(const std::vector<std::string>& words);
 /// A number as people write it: six digits at most.
 std::string number_text(double x);
+/// Whether a word may be a slip for a known one: a few letters differ, or its unit is left out.
+bool is_much_like(const std::string& word, const std::string& known);
 /// "did you mean 'x'?", or all that there is.
 std::string nearest_or_all(const std::string& word, const std::vector<std::string>& known);
 

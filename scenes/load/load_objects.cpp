@@ -61,7 +61,7 @@ const std::vector<Belonging> belongings{
 
 /// Complains about keys of other kinds, and about what this kind lacks.
 void check_belongings(Section& s, ShapeKind kind) {
-    if (!s.in_file() || !s.sound("kind")) return;
+    if (!s.in_file() || !s.sound("kind") || s.misspelt("kind")) return;
     for (const Belonging& b : belongings) {
         const bool belongs = std::find(b.kinds.begin(), b.kinds.end(), kind) != b.kinds.end();
         if (!belongs && s.has(b.key)) s.complain(b.key, "a " + kind_words[std::size_t(kind)] + " has none");
@@ -71,6 +71,7 @@ void check_belongings(Section& s, ShapeKind kind) {
 
 /// Whether the keys of the shape hold together: otherwise nothing that follows from it is said.
 bool make_shape(Section& s, const ShapeKeys& k, const std::filesystem::path& folder, ObjectSpec& o) {
+    if (s.misspelt("kind")) return false;
     for (const char* key : {"kind", "size_mm", "radius_mm", "length_mm", "file", "unit", "smoothing_mm"})
         if (!s.sound(key)) return false;
     o.shape.kind = k.kind;

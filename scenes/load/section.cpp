@@ -85,7 +85,9 @@ const toml::node* Section::place(const std::string& key) const {
 bool Section::has(const std::string& key) const { return table_ && table_->contains(key); }
 
 void Section::complain(const std::string& key, const std::string& message) {
-    if (wrong_.insert(key).second) problems_->add(place(key), full(key) + ": " + message);
+    if (!wrong_.insert(key).second) return;
+    if (table_ && !has(key)) absent_.push_back({key, message, problems_->messages.size()});
+    problems_->add(place(key), full(key) + ": " + message);
 }
 
 void Section::doubt(const std::string& key, const std::string& message) {
@@ -299,12 +301,34 @@ void Section::require(const std::string& key, const std::string& why) {
     if (table_ && !has(key)) complain(key, why);
 }
 
+bool Section::misspelt(const std::string& key) const {
+    if (!table_ || has(key)) return false;
+    return std::any_of(table_->begin(), table_->end(), [&](const auto& entry) {
+        const std::string other(entry.first.str());
+        return std::find(known_.begin(), known_.end(), other) == known_.end() && is_much_like(other, key);
+    });
+}
+
 void Section::finish() {
     if (!table_) return;
+    std::vector<std::string> unknown;
     for (const auto& [name, node] : *table_) {
         const std::string key(name.str());
-        if (std::find(known_.begin(), known_.end(), key) == known_.end())
-            problems_->add(&node, full(key) + ": unknown key; " + nearest_or_all(key, known_));
+        if (std::find(known_.begin(), known_.end(), key) == known_.end()) unknown.push_back(key);
+    }
+    for (const std::string& key : unknown) {
+        const toml::node* node = table_->get(key);
+        // Where one key is needed and another unknown, one was meant for the other, however it is written.
+        const auto meant = std::find_if(absent_.begin(), absent_.end(), [&](const Absent& a) {
+            return is_much_like(key, a.key) || (unknown.size() == 1 && absent_.size() == 1);
+        });
+        if (meant == absent_.end()) {
+            problems_->add(node, full(key) + ": unknown key; " + nearest_or_all(key, known_));
+            continue;
+        }
+        const std::string text = full(key) + ": unknown key; did you mean '" + meant->key + "'? (" + meant->why + ")";
+        problems_->messages[meant->message] = problems_->placed(node, text);
+        absent_.erase(meant);
     }
 }
 

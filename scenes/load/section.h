@@ -83,7 +83,11 @@ class Section {
     void complain(const std::string& message);
     /// What others found wrong, with places of their own.
     void complain_as_found(const std::string& key, const std::vector<std::string>& messages);
-    /// Complains about keys that were not declared. Call last.
+    /// Whether the key is absent, and another that nobody knows is written much like it: what would follow from its
+    /// default is not meant then.
+    bool misspelt(const std::string& key) const;
+    /// Complains about keys that were not declared; of one that was meant for a key whose absence has been complained
+    /// of, in the place of that. Call last.
     void finish();
     /// What the table is called in messages.
     const std::string& path() const { return path_; }
@@ -105,6 +109,12 @@ class Section {
     KeyInfo unrecorded_ = {};
     std::vector<std::string> known_;
     std::set<std::string> wrong_;
+    /// A key that is needed and absent, and the error that says so.
+    struct Absent {
+        std::string key, why;
+        std::size_t message;
+    };
+    std::vector<Absent> absent_;
 };
 
 /// Applies "path=value" to a parsed scene: finger.index.young_kPa=40, solver.newton_iterations=3. An

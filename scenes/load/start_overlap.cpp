@@ -73,6 +73,68 @@ bool lies_inside(const FingerSpec& f, const ObjectSpec& o) {
     });
 }
 
+/// What comes of an overlap.
+std::string way_out(const Scene& scene) {
+    char text[80];
+    std::snprintf(text, sizeof text, "it comes out at %.3g mm/s (solver.recovery_speed_mm_per_s)",
+                  1e3 * scene.spec.solver.recovery_speed);
+    return text;
+}
+
+/// Nobody places a finger within 0.3 mm of the origin, but many give metres.
+bool in_metres(const FingerSpec& f) {
+    const Vec3<double>& p = f.start.position;
+    const double far = std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    return far > 0 && far < 3e-4;
+}
+constexpr const char* metres_hint = "; its position looks like metres, and mm are expected";
+
+/// How far apart samples of a pad are: the middle one of its edges [m].
+double between_samples(const TetMesh& mesh) {
+    std::vector<double> edges;
+    auto in_pad = [&](int i) { return std::binary_search(mesh.pad_nodes.begin(), mesh.pad_nodes.end(), i); };
+    for (const auto& t : mesh.surface)
+        for (std::size_t k = 0; k < 3; ++k)
+            if (const int a = t[k], b = t[(k + 1) % 3]; in_pad(a) && in_pad(b))
+                edges.push_back(norm(vec(mesh.nodes[std::size_t(a)]) - vec(mesh.nodes[std::size_t(b)])));
+    if (edges.empty()) return 0;
+    std::nth_element(edges.begin(), edges.begin() + std::ptrdiff_t(edges.size() / 2), edges.end());
+    return edges[edges.size() / 2];
+}
+
+/// How wide an object is that may pass between samples [m]; of a mesh that is not known.
+double width(const Shape& shape) {
+    std::array<double, 3> e{shape.size.x, shape.size.y, shape.size.z};
+    switch (shape.kind) {
+        case ShapeKind::sphere:
+        case ShapeKind::capsule:
+        case ShapeKind::cylinder:
+            return 2 * shape.size.x;
+        case ShapeKind::box:
+            std::sort(e.begin(), e.end());
+            return 2 * e[1];
+        default:
+            return HUGE_VAL;
+    }
+}
+
+/// What is not much wider than samples are apart is felt by few of them: too weakly, or not at all (balls, rods and
+/// bars of 4 mm on pads with samples 3.7 mm apart: nothing to 0.8 of the force on finer ones).
+void check_narrow_objects(const Scene& scene, Problems& problems) {
+    constexpr double times = 1.5;
+    const FingerSpec* coarsest = nullptr;
+    double apart = 0;
+    for (const FingerSpec& f : scene.spec.fingers)
+        if (const double own = between_samples(f.mesh); own > apart) apart = own, coarsest = &f;
+    for (const ObjectSpec& o : scene.spec.objects)
+        if (coarsest && !o.tissue && width(o.shape) < times * apart)
+            problems.warnings.push_back(problems.placed(
+                nullptr, "object \"" + o.name + "\" is " + mm_text(width(o.shape)) + " wide, and samples of finger \"" +
+                             coarsest->name + "\" are " + mm_text(apart) +
+                             " apart: what is so narrow is felt too weakly, or passes between them unfelt; more "
+                             "elements bring them nearer"));
+}
+
 void check_fingers_in_objects(const Scene& scene, Problems& problems, const PosesNow& now) {
     for (const FingerSpec& f : scene.spec.fingers)
         for (const ObjectSpec& o : scene.spec.objects) {
@@ -89,9 +151,9 @@ void check_fingers_in_objects(const Scene& scene, Problems& problems, const Pose
             // A live hand is elsewhere as soon as it is seen.
             if (depth > most && scene.tracker.empty())
                 problems.add(nullptr, what + ", deeper than half its thickness (" + mm_text(most) +
-                                          "): let its track begin outside");
+                                          "): let its track begin outside" + (in_metres(f) ? metres_hint : ""));
             else
-                problems.warnings.push_back(problems.placed(nullptr, what + ": it is pushed out at once"));
+                problems.warnings.push_back(problems.placed(nullptr, what + ": " + way_out(scene)));
         }
 }
 
@@ -168,6 +230,7 @@ double start_depth(const FingerSpec& a, const FingerSpec& b) {
 void check_start(const Scene& scene, Problems& problems, const PosesNow* now) {
     const PosesNow none, &known = now ? *now : none;
     check_fingers_in_objects(scene, problems, known);
+    if (!now) check_narrow_objects(scene, problems);
     check_bodies(scene, problems, known);
     check_fingers_in_fingers(scene, problems, known);
 }

@@ -54,6 +54,7 @@ void describe(const Hands& hands) {
                     frames.size(), frames.back().time - frames.front().time, intervals[intervals.size() / 2],
                     intervals[std::size_t(0.95 * double(intervals.size() - 1))], intervals.back());
         std::printf("; unseen in %d, jumps of a finger by 50 mm %d, flips %d\n", unseen, jumps, flips);
+        if (!hands[side].note.empty()) std::printf("  %s\n", hands[side].note.c_str());
     }
 }
 

@@ -222,7 +222,9 @@ std::string to_text(const std::vector<BodySummary>& bodies) {
     for (const BodySummary& b : bodies) {
         const char* name = b.name.c_str();
         if (b.held_s <= 0) {
-            out += wrapped(written("%s was never held by fingers alone", name));
+            const std::string steps =
+                b.converged_share < 1 ? written("; %.1f %% of its steps converged", 100 * b.converged_share) : "";
+            out += wrapped(written("%s was never held by fingers alone", name) + steps);
         } else {
             out +=
                 "\n" + wrapped(written("%s was held for %.2f s: slip %.3f mm, drift in the last quarter %.4f mm, force "

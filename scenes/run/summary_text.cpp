@@ -72,6 +72,9 @@ std::string remarks(const Summary& s) {
         s, [](F f) { return double(f.extended_steps); }, 0, "%.0f",
         "# steps were given more iterations than their preset has");
     out += remark(
+        s, [](F f) { return double(f.uphill_steps); }, 0, "%.0f",
+        "# times a Newton step led uphill, however short, and was taken back");
+    out += remark(
         s, [](F f) { return double(f.cut_short_steps); }, 0, "%.0f",
         "# steps were cut short by the deadline before they had converged: allow more time (solver.deadline_ms), or "
         "ask for less (solver.preset, elements)");
