@@ -11,8 +11,8 @@ namespace palpate {
 namespace {
 
 /// Heights along an axis, ends included, about a diameter apart, at most 17.
-std::vector<double> along_axis(double half_length, double radius) {
-    const int gaps = std::clamp(int(std::ceil(half_length / radius)), 1, 16);
+std::vector<double> along_axis(double half_length, double radius, int fewest_gaps) {
+    const int gaps = std::clamp(int(std::ceil(half_length / radius)), fewest_gaps, 16);
     std::vector<double> heights;
     for (int i = 0; i <= gaps; ++i) heights.push_back(half_length * (2.0 * i / gaps - 1));
     return heights;
@@ -41,10 +41,11 @@ std::vector<Feature> features_of(const Shape& shape) {
             out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, 0});
             break;
         case ShapeKind::capsule:
-            for (double z : along_axis(s.y, s.x)) out.push_back({{0, 0, z}, s.x, {0, 0, 0}, 0});
+            for (double z : along_axis(s.y, s.x, 1)) out.push_back({{0, 0, z}, s.x, {0, 0, 0}, 0});
             break;
         case ShapeKind::cylinder:
-            for (double z : along_axis(s.y, s.x))
+            // A disc in the middle, too: those at the ends of two that stand beside each other are flush with both.
+            for (double z : along_axis(s.y, s.x, 2))
                 if (std::abs(z) < s.y) out.push_back({{0, 0, z}, s.x, {0, 0, 1}, 0});
             for (double end : {-s.y, s.y})
                 for (double angle : {0.0, 2.0943951023931953, -2.0943951023931953})

@@ -121,13 +121,13 @@ double width(const Shape& shape) {
 /// What is not much wider than samples are apart is felt by few of them: too weakly, or not at all (balls, rods and
 /// bars of 4 mm on pads with samples 3.7 mm apart: nothing to 0.8 of the force on finer ones).
 void check_narrow_objects(const Scene& scene, Problems& problems) {
-    constexpr double times = 1.5;
+    constexpr double times = 1.5, in_metres = 3e-4;  // what is that small is in metres, which is said
     const FingerSpec* coarsest = nullptr;
     double apart = 0;
     for (const FingerSpec& f : scene.spec.fingers)
         if (const double own = between_samples(f.mesh); own > apart) apart = own, coarsest = &f;
     for (const ObjectSpec& o : scene.spec.objects)
-        if (coarsest && !o.tissue && width(o.shape) < times * apart)
+        if (coarsest && !o.tissue && width(o.shape) > in_metres && width(o.shape) < times * apart)
             problems.warnings.push_back(problems.placed(
                 nullptr, "object \"" + o.name + "\" is " + mm_text(width(o.shape)) + " wide, and samples of finger \"" +
                              coarsest->name + "\" are " + mm_text(apart) +

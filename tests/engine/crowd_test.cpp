@@ -77,6 +77,60 @@ TEST(Crowd, OverlapIsUndoneAtItsSpeedAndIsNoVelocityAfterwards) {
     }
 }
 
+/// Two objects beside each other on a table, the left one a body, with an overlap: how they part.
+struct Parting {
+    double apart = 0;                ///< at the end [m]
+    double fastest_step = 0;         ///< change of that over the step's time [m/s]
+    double highest = 0, at_end = 0;  ///< speeds [m/s]
+};
+Parting part(const Shape& left, const Shape& right, bool fixed, double overlap, double dt, double seconds) {
+    SceneSpec spec;
+    spec.solver.dt = dt;
+    spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});
+    spec.objects.push_back(body(left, 0.1, {0, 0, 0.01}));
+    spec.objects.push_back(
+        body(right, 0.1, {0.02 - overlap, 0, right.kind == ShapeKind::box ? right.size.z : right.size.y}));
+    if (fixed) spec.objects.back().body.reset();
+    Lab lab(spec);
+    Parting out;
+    out.apart = 0.02 - overlap;
+    lab.run(seconds, [&](double, World& w) {
+        const double apart = w.shapes[2].pose.position.x - w.shapes[1].pose.position.x;
+        out.fastest_step = std::max(out.fastest_step, (apart - out.apart) / dt);
+        out.apart = apart;
+        out.highest = std::max(out.highest, fastest(w));
+    });
+    out.at_end = fastest(lab.world);
+    return out;
+}
+
+/// Beside each other features lie at tops and feet, too: boxes stayed in each other, or flew apart.
+TEST(Crowd, WhatOverlapsSidewaysPartsByTheFaceBetween) {
+    const Shape wide{ShapeKind::box, {0.01, 0.015, 0.01}}, low{ShapeKind::box, {0.01, 0.007, 0.007}};
+    const Shape can{ShapeKind::cylinder, {0.01, 0.01, 0}};
+    auto expect_parted = [](const Parting& p, double allowed) {
+        EXPECT_NEAR(p.apart, 0.02, 2e-4);
+        EXPECT_LT(p.fastest_step, allowed);
+        EXPECT_LT(p.highest, 0.075);
+        EXPECT_LT(p.at_end, 1e-3);
+    };
+    for (const Shape& left : {cube, can})
+        for (const Shape& right : {cube, wide, low, can})
+            for (double overlap : {0.001, 0.0019})
+                for (bool fixed : {true, false}) {
+                    SCOPED_TRACE(::testing::Message()
+                                 << int(left.kind) << " beside " << int(right.kind) << " " << right.size.z
+                                 << ", overlap " << overlap << ", fixed " << fixed);
+                    // 50 mm/s; where one is lower, what is over its top may leave that way, and a step is longer.
+                    expect_parted(part(left, right, fixed, overlap, 0.005, 0.15), right.size.z < 0.01 ? 0.12 : 0.06);
+                }
+    for (const Shape& right : {cube, wide}) {
+        expect_parted(part(cube, right, true, 0.001, 0.001, 0.05), 0.06);
+        expect_parted(part(cube, right, true, 0.008, 0.005, 0.3), 0.06);
+        expect_parted(part(cube, right, false, 0.008, 0.005, 0.3), 0.06);
+    }
+}
+
 TEST(Crowd, AStackOfTenStands) {
     SceneSpec spec;
     spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});

@@ -138,6 +138,39 @@ TEST(ThinWalls, AFingerSlidesOverAThinPlateAsOverAThickOne) {
     }
 }
 
+/// A field knows no sides: a finger that one long step carries through a plate presses on its other face. That is said
+/// in every step, until it has come back or is far.
+TEST(ThinWalls, WhatALongStepCarriesThroughIsSaidUntilItIsBack) {
+    for (double thickness : {1e-3, 3e-3}) {
+        SceneSpec spec;
+        spec.solver.dt = 0.02;
+        spec.objects.push_back(mesh_object(plate(0.1, 0.08, thickness, 6), 0.3));
+        spec.fingers.push_back(finger({{0, 0, 0.03}, upright}));
+        spec.fingers[0].coupling.max_speed = 100;
+        Lab lab(spec);
+        const SkinStatus& status = lab.world.chunks.doubles[0].status[0];
+        auto at = [&](double z, double seconds) {
+            lab.run(seconds, [&, z](double, World&) { lab.target(0).position.z = z; });
+        };
+        at(0.03, 0.1);
+        EXPECT_EQ(status.wrong_sides, 0);
+        at(-0.02, 0.04);
+        at(-0.0075 - 0.5 * thickness, 0.02);
+        for (int step = 0; step < 5; ++step) {
+            at(-0.0075 - 0.5 * thickness, 0.02);
+            EXPECT_GT(status.wrong_sides, 0) << thickness;
+            EXPECT_FALSE(status.converged) << thickness;
+        }
+        at(0.03, 0.2);
+        EXPECT_EQ(status.wrong_sides, 0) << thickness;
+        EXPECT_TRUE(status.converged) << thickness;
+        // Slowly it stays above.
+        for (double z = 0.03; z > 0.0035 + 0.5 * thickness; z -= 0.0005) at(z, 0.02);
+        EXPECT_EQ(status.wrong_sides, 0) << thickness;
+        EXPECT_GT(lab.world.contact_surfaces[0].total.z, 0) << thickness;
+    }
+}
+
 /// Coulomb's law sample by sample, on what acts: forces on nodes split along the surface's true normal.
 TEST(ThinWalls, FrictionOnTheMugsRimFollowsCoulombsLaw) {
     const Surface mug = read_surface(source_dir() + "/scenes/mug.obj", "mm").surface;

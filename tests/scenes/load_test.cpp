@@ -158,6 +158,11 @@ TEST_F(SceneFiles, OneErrorPerMistake) {
          "telepathy");
     only(replaced(good, "t_s = 0.1", "t_s = \"soon\""), "t_s: expected a number");
     only(good, "limits.low", {"limits.low=1.5"});
+    only(replaced(good, "t_s = 0,", "time_s = 0,"), "did you mean 't_s'? (a keyframe needs its time)");
+    only(with("kind = \"box\"\nsize = [5, 5, 5]\nmass_g = 4"), "did you mean 'size_mm'?");
+    only(with("kind = \"sphere\"\nradius = 5\nmass_g = 4"), "did you mean 'radius_mm'?");
+    only(with("kind = \"mesh\"\nfiel = \"open.obj\"\nmass_g = 4"), "did you mean 'file'?");
+    only(with("kinda = \"sphere\"\nradius_mm = 5\nmass_g = 4"), "did you mean 'kind'?");
     const std::string open = refusal(with("kind = \"mesh\"\nfile = \"open.obj\"\nmass_g = 4\nrelease_s = 1"));
     EXPECT_EQ(open.find("unknown key"), std::string::npos) << open;
     EXPECT_EQ(open.find("mass_g"), std::string::npos) << open;
@@ -190,6 +195,22 @@ TEST_F(SceneFiles, UnitsThatLookWrongAreSaid) {
     EXPECT_SAYS(warnings(good, {"finger.index.material.young_kPa=30000", "dt_ms=0.005"}).front(), "dt_ms");
 }
 
+TEST_F(SceneFiles, WhatIsNarrowerThanSamplesAreApartIsSaid) {
+    auto with = [&](const std::string& object) {
+        return replaced(good, "[[finger]]",
+                        "[[object]]\nname = \"thing\"\nposition_mm = [0, 90, 90]\n" + object + "\n[[finger]]");
+    };
+    for (const std::string narrow : {"kind = \"sphere\"\nradius_mm = 2", "kind = \"box\"\nsize_mm = [3, 80, 3]",
+                                     "kind = \"capsule\"\nradius_mm = 2\nlength_mm = 50"}) {
+        const auto said = warnings(with(narrow), {"finger.index.elements=350"});
+        ASSERT_EQ(said.size(), 1u) << narrow;
+        EXPECT_SAYS(said.front(), "object \"thing\" is");
+        EXPECT_SAYS(said.front(), "passes between them unfelt");
+        EXPECT_TRUE(warnings(with(narrow), {"finger.index.elements=8000"}).empty()) << narrow;
+    }
+    EXPECT_TRUE(warnings(with("kind = \"box\"\nsize_mm = [30, 80, 1]"), {"finger.index.elements=350"}).empty());
+}
+
 TEST_F(SceneFiles, WhatStartsInsideIsRefusedOrSaid) {
     auto at = [&](const char* z) { return replaced(good, "[0, 0, 9]", std::string("[0, 0, ") + z + "]"); };
     EXPECT_TRUE(warnings(at("8")).empty());
@@ -197,6 +218,8 @@ TEST_F(SceneFiles, WhatStartsInsideIsRefusedOrSaid) {
     ASSERT_EQ(said.size(), 1u);
     EXPECT_SAYS(said.front(), "finger \"index\" starts");
     EXPECT_SAYS(said.front(), "inside object \"table\"");
+    EXPECT_SAYS(said.front(), "comes out at 50 mm/s");
+    EXPECT_SAYS(refusal(at("0.009")), "its position looks like metres");
     EXPECT_SAYS(refusal(at("-500")), "finger \"index\" starts 50");
     EXPECT_SAYS(refusal(at("0.009")), "deeper than half its thickness");
     EXPECT_EQ(refusal(at("-500") + "[tracker]\nsource = \"udp:9000\"\n"), "");  // it is elsewhere once it is seen

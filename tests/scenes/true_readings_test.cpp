@@ -54,14 +54,16 @@ std::string in_words(const Summary& summary) {
 TEST(TrueReadings, WhatTheSolverHadToDoIsSaid) {
     Simulation s = make_simulation(load_scene(scenes + "hand.toml", {"solver.newton_iterations=1", "dt_ms=20"}), 2);
     run(s, stop, {});
-    std::int64_t extended = 0, rough = 0;
+    std::int64_t extended = 0, rough = 0, uphill = 0;
     for (const FingerSummary& f : summarise(s).fingers) {
-        extended += f.extended_steps, rough += f.rough_steps;
+        extended += f.extended_steps, rough += f.rough_steps, uphill += f.uphill_steps;
         EXPECT_EQ(f.wrong_side_steps, 0);
         EXPECT_EQ(f.resets, 0);
     }
     EXPECT_GT(extended, 0);
     EXPECT_GT(rough, extended);
+    EXPECT_GT(uphill, 0);
+    EXPECT_NE(in_words(summarise(s)).find("a Newton step led uphill"), std::string::npos);
     EXPECT_NE(in_words(summarise(s)).find("more iterations than their preset has"), std::string::npos);
     s.finger_counts[0].wrong_side_steps = 3;
     s.world.contact_surfaces.find(s.fingers[0])->rough_steps = 1000002;
