@@ -113,7 +113,8 @@ void check_finger_balance(const Watched& v, Findings& found) {
         if (!v.before[i].status.converged && v.before[i].status.penetration_m > 1e-5) continue;
         const Vec3<double> off = f.momentum_rate(v.before[i], w.solver.dt) - f.contact - f.reaction;
         const double scale = norm(f.contact) + norm(f.reaction) + f.normal_force;
-        // What a solve leaves over at each node, within its tolerance (check_status), may be along one direction at all.
+        // What a solve leaves over at each node, within its tolerance (check_status), may be along one direction at
+        // all.
         const double left = std::sqrt(double(f.mass.size())) * f.status.residual_N;
         if (norm(off) > 2e-2 * scale + std::max({2e-3, rounding_of(v, i), left}))
             found.add("reported forces are those that act",
