@@ -21,9 +21,11 @@ double fastest(const World& w) {
 SceneSpec loaded_tray(int cubes, double above) {
     SceneSpec spec;
     spec.objects.push_back(body(tray, 0.2, {0, 0, 0.002}));
-    for (int i = 0; i < cubes; ++i)
+    for (int i = 0; i < cubes; ++i) {
+        const int column = i % 3, row = i / 3;
         spec.objects.push_back(
-            body(small_cube, 0.01, {0.03 * (i % 3) - 0.03, 0.02 * (i / 3) - 0.04, 0.01 + above + 0.002 * above * i}));
+            body(small_cube, 0.01, {0.03 * column - 0.03, 0.02 * row - 0.04, 0.01 + above + 0.002 * above * i}));
+    }
     spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});
     return spec;
 }
