@@ -81,14 +81,22 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
     const Pose<double> now = lane_bone(c, lane);
     const Vec3<double> origin = lane_origin(c, lane);
 
+    Pose<double> carried = now;  // as if it moved with the target
+    carried.position += coupling.target.position - coupling.last_target.position;
+    carried.rotation = normalised(coupling.target.rotation * conjugate(coupling.last_target.rotation) * now.rotation);
+
+    // What holds the bone back stretches the spring no farther than its largest force from one step to the next; within
+    // the step the spring itself pulls no harder (pose_spring.h), so that a bone that nothing holds goes all the way.
     Pose<double> pulled = coupling.target;
-    const Vec3<double> d = pulled.position - now.position;
+    const Vec3<double> d = pulled.position - carried.position;
     const double reach = coupling.max_force / coupling.stiffness;
-    if (dot(d, d) > reach * reach) pulled.position = now.position + (reach / norm(d)) * d;
-    // The coupling's torque at an angle is 2 kappa sin(angle / 2) (pose_spring.h).
-    pulled.rotation = turned_at_most(now.rotation, pulled.rotation,
-                                     std::min(1.0, 0.5 * coupling.max_torque / coupling.angular_stiffness));
+    if (dot(d, d) > reach * reach) pulled.position = carried.position + (reach / norm(d)) * d;
+    // The coupling's torque at an angle is 2 kappa sin(angle / 2).
+    const double half_turn = 0.5 * coupling.max_torque / coupling.angular_stiffness;
+    pulled.rotation = turned_at_most(carried.rotation, pulled.rotation, std::min(1.0, half_turn));
     store_spring(c, 0, lane, origin, coupling.stiffness, coupling.angular_stiffness, pulled);
+    c.scratch.coupling_reach[std::size_t(lane)] = T(reach);
+    c.scratch.coupling_reach[std::size_t(c.width + lane)] = T(half_turn);
 
     if (!solver.inertia) {
         store_spring(c, 1, lane, origin, 0, 0, now);
@@ -97,9 +105,6 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
     }
     // The damper pulls the bone to where it would be if it moved with the target.
     const double dt = solver.dt;
-    Pose<double> carried = now;
-    carried.position += coupling.target.position - coupling.last_target.position;
-    carried.rotation = normalised(coupling.target.rotation * conjugate(coupling.last_target.rotation) * now.rotation);
     store_spring(c, 1, lane, origin, coupling.damping / dt, coupling.angular_damping / dt, carried);
 
     Pose<double> coasting = now;

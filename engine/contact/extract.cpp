@@ -168,7 +168,7 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     Vec3<double> pull;  // both from the origin
     for (int d = 0; d < 3; ++d)
         pull[d] = double(c.scratch.bone_springs[(2 + d) * W + lane]) - double(c.state.bone[d * W + lane]);
-    coupling.force_N = coupling.stiffness * norm(pull);
+    coupling.force_N = std::min(coupling.stiffness * norm(pull), coupling.max_force);
     out.rough = false;
     if ((c.rigid_lanes >> lane) & 1u) return;  // it touches nothing, and did not when its skin was solved last
     out.total = {0, 0, 0};

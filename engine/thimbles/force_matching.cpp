@@ -26,6 +26,7 @@ void hold_bone(SkinChunk<T>& c) {
                 const double from_origin = i >= 2 && i < 5 ? c.state.origin[(i - 2) * c.width + lane] : 0;
                 c.scratch.bone_springs[std::size_t((9 * s + i) * c.width + lane)] = T(springs[s][i] - from_origin);
             }
+    std::fill(c.scratch.coupling_reach.begin(), c.scratch.coupling_reach.end(), T(1e30));
 }
 
 /// Touching area of these forces [mm^2]. A sample counts in full from a few mN on.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "meshes/input_error.h"
 #include "scenes/trackers/hand_source.h"
@@ -32,6 +33,17 @@ void doubt_units(Section& s, const std::string& position_key, const std::string&
                                   " degrees in radians; degrees are expected");
 }
 
+/// From 170 to -170 degrees is 340 degrees as it is written, and few mean that.
+void doubt_long_way(Section& s, const Vec3<double>& from, const Vec3<double>& to) {
+    for (int i = 0; i < 3; ++i) {
+        const double a = from[i] / unit::deg.si, b = to[i] / unit::deg.si, turn = b - a;
+        if (std::abs(turn) > 180 + 1e-6 && std::abs(turn) < 360 - 1e-6)
+            s.doubt("rotation_deg", "turns by " + number_text(turn) + " degrees, from " + number_text(a) + " to " +
+                                        number_text(b) + ", as it is written; the shorter way is to " +
+                                        number_text(turn > 0 ? b - 360 : b + 360));
+    }
+}
+
 struct PoseKeys {
     std::optional<Vec3<double>> position, rotation;
     /// The pose, with what is absent taken from another one.
@@ -47,7 +59,8 @@ PoseKeys read_pose_keys(Section& s, const char* position_sentence, Places& place
     PoseKeys keys;
     s.vector("position_mm", keys.position, unit::mm, 5000, position_sentence);
     s.vector("rotation_deg", keys.rotation, unit::deg, 3600,
-             "Rotation [roll, pitch, yaw]: about the fixed x, then the fixed y, then the fixed z axis.");
+             "Rotation [roll, pitch, yaw]: about the fixed x, then the fixed y, then the fixed z axis. In a track, an "
+             "angle that changes by half a turn or more turns as written, otherwise the shortest way.");
     const Vec3<double> none{0, 0, 0};
     places.take((1 / unit::mm.si) * keys.position.value_or(none), (1 / unit::deg.si) * keys.rotation.value_or(none));
     return keys;
@@ -65,6 +78,7 @@ Pose<double> read_pose(Section& s, const char* position_sentence) {
 std::vector<Keyframe> read_track(Section& owner, const char* sentence) {
     std::vector<Keyframe> track;
     Places places;
+    Vec3<double> angles{0, 0, 0};
     for (Section& s : owner.tables("track", sentence)) {
         Keyframe k;
         s.number("t_s", k.time, unit::s, {0, 1e5}, "Time of this place; poses between two times are interpolated.");
@@ -72,6 +86,9 @@ std::vector<Keyframe> read_track(Section& owner, const char* sentence) {
         const PoseKeys keys =
             read_pose_keys(s, "Position [x, y, z] at that time; without it, that of the entry before.", places);
         k.pose = keys.over(track.empty() ? Pose<double>::identity() : track.back().pose);
+        const Vec3<double> before = std::exchange(angles, keys.rotation.value_or(angles));
+        if (!track.empty()) k.turn = written_turn(before, angles);
+        if (!k.turn.empty()) doubt_long_way(s, before, angles);
         if (s.sound("t_s") && !track.empty() && k.time <= track.back().time)
             s.complain("t_s", "keyframes must follow each other in time: " + number_text(k.time) +
                                   " s does not come after " + number_text(track.back().time) + " s");

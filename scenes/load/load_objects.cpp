@@ -199,6 +199,7 @@ void read_pair_frictions(Section& root, Scene& scene) {
         const auto it = std::find_if(all.begin(), all.end(), [&](auto& o) { return o.name == name; });
         return it == all.end() ? -1 : int(it - all.begin());
     };
+    std::vector<std::pair<int, int>> pairs;
     for (Section& s : root.tables("friction", "The coefficient of one pair, where it is not that of its objects.")) {
         int object[2], finger[2];
         const char* keys[2] = {"first", "second"};
@@ -215,9 +216,15 @@ void read_pair_frictions(Section& root, Scene& scene) {
         double friction = 0.5;
         s.number("coefficient", friction, unit::one, friction_bounds, "Coulomb coefficient of the two.",
                  Likely{0, 5, "", "per cent"});
-        if (finger[0] >= 0 && finger[1] >= 0) s.complain("second", "two fingers do not touch each other");
+        if (finger[0] >= 0 && finger[1] >= 0)
+            s.complain("second", "the friction of fingers on each other is skin_friction");
         if (object[0] >= 0 && object[0] == object[1]) s.complain("second", "an object does not touch itself");
         s.finish();
+        const auto same = [&](int k) { return object[k] >= 0 ? object[k] : -2 - finger[k]; };
+        const std::pair<int, int> pair = std::minmax(same(0), same(1));
+        if (std::find(pairs.begin(), pairs.end(), pair) != pairs.end())
+            s.complain("second", "this pair has a coefficient already: remove one of the two");
+        pairs.push_back(pair);
         const int f = finger[0] >= 0 ? 0 : 1;
         if (finger[f] >= 0)
             spec.finger_frictions.push_back({finger[f], object[1 - f], friction});

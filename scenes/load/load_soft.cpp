@@ -26,6 +26,7 @@ struct SoftKeys {
     int elements = 1000, patch = 5, fixed = 0;
     double fixed_depth = 0;
     std::vector<Nodule> nodules;
+    bool nodules_fit = true;  ///< false: none is meshed, for what is wrong has been said
 };
 
 void read_nodules(Section& soft, const ObjectSpec& o, bool shaped, SoftKeys& k) {
@@ -38,8 +39,8 @@ void read_nodules(Section& soft, const ObjectSpec& o, bool shaped, SoftKeys& k) 
                  "Its Young's modulus.");
         for (const char* key : {"centre_mm", "radius_mm", "young_kPa"}) s.require(key, "a nodule needs it");
         s.finish();
-        if (!s.in_file() || !shaped || !s.sound("centre_mm") || !s.sound("radius_mm") || !s.sound("young_kPa"))
-            continue;
+        for (const char* key : {"centre_mm", "radius_mm", "young_kPa"}) k.nodules_fit &= !s.in_file() || s.sound(key);
+        if (!s.in_file() || !shaped || !k.nodules_fit) continue;
         n.place.centre = {centre.x, centre.y, centre.z};
         const double depth = -surface_point(o.shape, Pose<double>::identity(), centre).distance;
         char text[200];
@@ -47,7 +48,8 @@ void read_nodules(Section& soft, const ObjectSpec& o, bool shaped, SoftKeys& k) 
                       "a nodule must lie inside its object: expected a centre deeper below the surface than 1.1 radii "
                       "(%.3g mm), found %.3g mm",
                       1.1e3 * n.place.radius, 1e3 * depth);
-        if (!(depth > 1.1 * n.place.radius)) s.complain("centre_mm", text);
+        auto complain = [&] { s.complain("centre_mm", text), k.nodules_fit = false; };
+        if (!(depth > 1.1 * n.place.radius)) complain();
         for (const Nodule& other : k.nodules) {
             const double apart =
                 std::hypot(n.place.centre[0] - other.place.centre[0], n.place.centre[1] - other.place.centre[1],
@@ -56,7 +58,7 @@ void read_nodules(Section& soft, const ObjectSpec& o, bool shaped, SoftKeys& k) 
                           "nodules must lie apart: expected centres more than 1.1 times both radii (%.3g mm) apart, "
                           "found %.3g mm",
                           1.1e3 * (n.place.radius + other.place.radius), 1e3 * apart);
-            if (!(apart > 1.1 * (n.place.radius + other.place.radius))) s.complain("centre_mm", text);
+            if (!(apart > 1.1 * (n.place.radius + other.place.radius))) complain();
         }
         k.nodules.push_back(n);
     }
@@ -189,7 +191,7 @@ void read_soft(Section& object, bool shaped, const std::string& surface_file, co
     if (o.shape.kind == ShapeKind::plane) return object.complain("soft", "a plane has no end: it cannot be filled");
     for (const char* key : {"elements", "patch", "fixed", "fixed_mm", "nodule"})
         if (!s.sound(key)) return;
-    if (!s.has("fixed")) return;
+    if (!s.has("fixed") || !k.nodules_fit) return;
     o.tissue = f;
     fill(s, k, surface_file, file_unit, templates, o);
     if (!o.tissue->mesh.tets.empty() && o.tissue->mesh.pad_nodes.empty()) o.tissue.reset();

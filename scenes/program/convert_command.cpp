@@ -5,6 +5,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/outputs.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/replay_run.h"
 #include "scenes/recording/hdf5_file.h"
@@ -114,6 +115,7 @@ bool write_pads(const ConvertArguments& a, const std::filesystem::path& folder, 
 int convert(const ConvertArguments& a, const std::atomic<bool>& stop) {
     if (a.csv.empty() && a.hdf5.empty() && a.vtu.empty())
         throw InputError("convert: say to what: --csv FOLDER, --hdf5 FILE or --vtu FOLDER");
+    refuse_to_replace("--hdf5", a.hdf5, Output::hdf5);
     if (!a.hdf5.empty() && !has_hdf5()) write_hdf5(a.hdf5, {});
     const Recording recording = read_recording(a.file);
     std::map<std::string, Series> tables;

@@ -5,6 +5,7 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/outputs.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/replay_run.h"
 #include "scenes/recording/results.h"
@@ -69,6 +70,9 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
 }
 
 int replay(const ReplayArguments& a, const std::atomic<bool>& stop) {
+    refuse_to_replace("--extract", a.extract, Output::scene);
+    refuse_to_replace("--report", a.report, Output::report);
+    refuse_to_replace("--video", a.video, Output::film);
     const Recording recording = read_recording(a.file);
     const std::size_t count = recording.runs.size();
     if (a.run > int(count))

@@ -7,6 +7,7 @@
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/outputs.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/stream_options.h"
 #include "scenes/recording/live_tables.h"
@@ -139,6 +140,9 @@ void refuse_film_in_real_time(const RunArguments& a, const std::string& tracker)
 }
 
 int run_scene(RunArguments a, const std::atomic<bool>& stop) {
+    refuse_to_replace("--record", a.record, Output::recording);
+    refuse_to_replace("--report", a.report, Output::report);
+    refuse_to_replace("--video", a.video, Output::film);
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     const std::vector<std::string> overrides = all_overrides(a, stop);
     Scene scene = load_scene(a.scene, overrides);

@@ -10,6 +10,7 @@
 #include "meshes/input_error.h"
 #include "scenes/load/scene.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/outputs.h"
 #include "scenes/trackers/hand_source.h"
 #include "scenes/trackers/pinch_fit.h"
 #include "scenes/trackers/ultraleap.h"
@@ -112,11 +113,17 @@ void print_fit(const TrackerArguments& a, const Hands& hands) {
 struct Keeper {
     std::mutex mutex;
     Hands hands;
+    std::string path;  ///< of the file; empty: none
     std::ofstream file;
     std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
     void keep(int hand, HandFrame frame) {
         const std::lock_guard lock(mutex);
         frame.time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        if (!file.is_open() && !path.empty()) {  // no frame, no file: one that is there is not lost to nothing
+            file.open(path);
+            file << hand_header() << "\n";
+            if (!file) path.clear();
+        }
         if (file.is_open()) file << hand_line(hand, frame) << std::endl;  // flushed: nothing is lost when killed
         auto& frames = hands[std::size_t(hand)].frames;
         if (frames.size() < 1'000'000) frames.push_back(frame);
@@ -126,9 +133,9 @@ struct Keeper {
 void watch(const TrackerArguments& a, Hands& hands, const std::atomic<bool>& stop) {
     Keeper keeper;
     if (!a.record.empty()) {
-        keeper.file.open(a.record);
-        if (!keeper.file) throw InputError(a.record + ": cannot be written");
-        keeper.file << hand_header() << std::endl;
+        refuse_to_replace("--record", a.record, Output::frames);
+        keeper.path = a.record;
+        if (!std::ofstream(a.record, std::ios::app)) throw InputError(a.record + ": cannot be written");
     }
     {
         LiveHands live(a.source, a.any_address, [&](int hand, const HandFrame& f) { keeper.keep(hand, f); });

@@ -12,6 +12,7 @@
 #include "meshes/mesh_files.h"
 #include "scenes/load/presets.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/outputs.h"
 #include "scenes/program/stream_options.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/run/carry_over.h"
@@ -310,6 +311,7 @@ struct LiveRun {
 };
 
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
+    refuse_to_replace("--record", a.record, Output::recording);
     using Clock = std::chrono::steady_clock;
     if (a.stream.target == "-")
         throw InputError(

@@ -186,6 +186,7 @@ ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& p
 
 std::string doubt(const ReferenceRun& reference) {
     const SweepErrors& u = reference.uncertainty;
+    if (!std::isfinite(u.net)) return "NOTHING TOUCHES: there is no force to compare; what settings cost says little";
     const bool sure = u.net <= 0.02 && u.field <= 0.05;  // false for a scene without forces, too
     if (sure) return {};
     char text[200];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace palpate {
 
@@ -21,6 +22,21 @@ Quaternion<double> from_roll_pitch_yaw(double roll, double pitch, double yaw) {
     return z * y * x;
 }
 
+std::vector<Quaternion<double>> written_turn(const Vec3<double>& from, const Vec3<double>& to) {
+    const Vec3<double> way = to - from;
+    const double most = std::max({std::abs(way.x), std::abs(way.y), std::abs(way.z)});
+    if (most < std::numbers::pi - 1e-9) return {};
+    // Angles about several axes turn about none that stays: short parts follow them.
+    const int parts = int(std::ceil(most / (5 * std::numbers::pi / 180)));
+    const Quaternion<double> back = conjugate(from_roll_pitch_yaw(from.x, from.y, from.z));
+    std::vector<Quaternion<double>> turn;
+    for (int i = 0; i <= parts; ++i) {
+        const Vec3<double> at = from + (double(i) / parts) * way;
+        turn.push_back(normalised(back * from_roll_pitch_yaw(at.x, at.y, at.z)));
+    }
+    return turn;
+}
+
 Pose<double> trajectory_pose(const std::vector<Keyframe>& k, double time) {
     if (k.empty()) return Pose<double>::identity();
     if (time <= k.front().time) return k.front().pose;
@@ -30,7 +46,11 @@ Pose<double> trajectory_pose(const std::vector<Keyframe>& k, double time) {
     const Keyframe &a = *std::prev(next), &b = *next;
     const double t = (time - a.time) / (b.time - a.time);
     const double s = t * t * t * (10 + t * (-15 + 6 * t));
-    return {a.pose.position + s * (b.pose.position - a.pose.position), slerp(a.pose.rotation, b.pose.rotation, s)};
+    const Vec3<double> position = a.pose.position + s * (b.pose.position - a.pose.position);
+    if (b.turn.size() < 2) return {position, slerp(a.pose.rotation, b.pose.rotation, s)};
+    const double part = s * double(b.turn.size() - 1);
+    const std::size_t i = std::min(std::size_t(part), b.turn.size() - 2);
+    return {position, normalised(a.pose.rotation * slerp(b.turn[i], b.turn[i + 1], part - double(i)))};
 }
 
 }  // namespace palpate

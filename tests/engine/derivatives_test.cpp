@@ -226,7 +226,9 @@ TEST(Derivatives, Coupling) {
                                 normalised(Quaternion<double>{n(random), n(random), n(random), n(random)})};
         };
         const Pose<double> base = pose();
-        const PoseSpring<double> spring{3.0, 2.0, pose()};
+        // Beyond a reach, too, where the curvature is that of a parabola above it.
+        const bool held = trial % 2;
+        const PoseSpring<double> spring{3.0, 2.0, pose(), held ? 0.5 : 1e30, held ? 0.2 : 1e30};
         auto coupling = [&](const Numbers& y) {  // y: position, left rotation
             return pose_spring(spring, {base.position + Vec3<double>{y[0], y[1], y[2]},
                                         rotation_step(Vec3<double>{y[3], y[4], y[5]}) * base.rotation})
@@ -247,9 +249,20 @@ TEST(Derivatives, Coupling) {
                     return coupling(y);
                 };
                 const double second = (at(h, h) - at(h, -h) - at(-h, h) + at(-h, -h)) / (4 * h * h);
-                EXPECT_NEAR(second, i == j ? t.angular_curvature : 0, 1e-5);
+                if (!held) { EXPECT_NEAR(second, i == j ? t.angular_curvature : 0, 1e-5); }
             }
         }
+        for (int k = 0; k < 20; ++k) {
+            Numbers y(6);
+            for (double& v : y) v = 0.05 * n(random);
+            const Vec3<double> p{y[0], y[1], y[2]}, turn{y[3], y[4], y[5]};
+            const double above = t.energy + dot(t.force, p) + dot(t.torque, turn) +
+                                 0.5 * (t.linear_curvature * dot(p, p) + t.angular_curvature * dot(turn, turn));
+            // Of rotations to the second order, and there to rounding of the third.
+            EXPECT_LE(coupling(y), above + 2 * std::pow(norm(turn), 3) + 1e-12) << trial;
+        }
+        EXPECT_LE(norm(t.force), 3.0 * spring.reach * (1 + 1e-12));
+        EXPECT_LE(norm(t.torque), 4.0 * spring.half_turn * (1 + 1e-12));
     }
 }
 

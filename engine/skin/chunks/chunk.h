@@ -87,6 +87,7 @@ struct SkinScratch {
     LaneArray<T> start_bone;      ///< [7]
     LaneArray<T> inertia_target;  ///< [node][xyz] x^ of implicit Euler
     LaneArray<T> bone_springs;    ///< [spring][linear k, angular k, target 7 from the origin]: written by `couple`
+    LaneArray<T> coupling_reach;  ///< [m; sine of half an angle] beyond which the first spring pulls no harder
     LaneArray<T> slot_kind;       ///< [slot] ShapeKind of the object; -1 where the lane has none
     LaneArray<T> slot_size;       ///< [slot][xyz] of its shape [m]
     LaneArray<T> slot_friction;   ///< [slot] Coulomb coefficient

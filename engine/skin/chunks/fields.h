@@ -131,6 +131,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.start_bone, Field{scratch, lane, 7});
     visit(w.inertia_target, Field{scratch, lane, 3 * n.N});
     visit(w.bone_springs, Field{input, lane, 9 * std::size_t(bone_spring_count)});
+    visit(w.coupling_reach, Field{input, lane, 2});
     visit(w.slot_kind, Field{scratch, slot, 1});
     visit(w.slot_size, Field{scratch, slot, 3});
     visit(w.slot_friction, Field{scratch, slot, 1});

@@ -26,11 +26,21 @@ void move_rigid(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         const T* p = &c.scratch.bone_springs[9 * s * W];
         const R stiffness = load<R>(p);
         turning[s] = {R(T(0)), load<R>(p + W), load_pose<R>(p + 2 * W)};
-        pull += stiffness * (turning[s].target.position - before.position);
+        const Vec3<R> to_target = turning[s].target.position - before.position;
+        pull += stiffness * to_target;
         linear += stiffness;
     }
+    turning[0].half_turn = load<R>(&c.scratch.coupling_reach[W]);
     turning[2].angular_stiffness += load<R>(inertia.data());
-    const Vec3<R> displacement = R(T(1)) / linear * pull;
+    Vec3<R> displacement = R(T(1)) / linear * pull;
+    // Where the coupling would draw harder than it may, it draws as hard as it may, the same way.
+    const R coupling = load<R>(&c.scratch.bone_springs[0]), reach = load<R>(&c.scratch.coupling_reach[0]);
+    const Vec3<R> left = turning[0].target.position - before.position - displacement;
+    const R distance = norm(left);
+    const MaskOf<R> held = distance > reach;
+    if (any(held))
+        displacement =
+            displacement - select(held, coupling * (R(T(1)) - reach / distance) / (linear - coupling), R(T(0))) * left;
 
     Pose<R> bone{before.position + displacement, before.rotation};
     MaskOf<R> turns = mask_from_bits<R>(c.rigid_lanes);

@@ -40,7 +40,11 @@ inline void add_bone_springs(SkinChunk<ScalarOf<R>>& c, Evaluation<R>& out) {
     R linear(0), angular(0);
     for (int s = 0; s < bone_spring_count; ++s) {
         const ScalarOf<R>* p = &c.scratch.bone_springs[9 * s * W];
-        const PoseSpring<R> spring{load<R>(p), load<R>(p + W), load_pose<R>(p + 2 * W)};
+        PoseSpring<R> spring{load<R>(p), load<R>(p + W), load_pose<R>(p + 2 * W)};
+        if (s == 0) {
+            spring.reach = load<R>(&c.scratch.coupling_reach[0]);
+            spring.half_turn = load<R>(&c.scratch.coupling_reach[W]);
+        }
         const PoseTerms<R> terms = pose_spring(spring, bone);
         out.energy += terms.energy;
         force += terms.force;

@@ -215,6 +215,12 @@ Pose<double> mirrored(const Pose<double>& p) {
     return {{p.position.x, -p.position.y, p.position.z}, {p.rotation.w, -p.rotation.x, p.rotation.y, -p.rotation.z}};
 }
 
+Keyframe mirrored(Keyframe k) {
+    k.pose = mirrored(k.pose);
+    for (Quaternion<double>& q : k.turn) q = mirrored(Pose<double>{{0, 0, 0}, q}).rotation;
+    return k;
+}
+
 /// The same scene behind a mirror, the plane y = 0. Objects are their own mirror images (but meshes and tissue).
 void mirror_scene(Scene& scene) {
     for (FingerSpec& f : scene.spec.fingers) {
@@ -226,10 +232,10 @@ void mirror_scene(Scene& scene) {
     }
     for (ObjectSpec& o : scene.spec.objects) o.pose = mirrored(o.pose);
     for (auto& motion : scene.finger_motions)
-        for (Keyframe& k : motion.keyframes) k.pose = mirrored(k.pose);
+        for (Keyframe& k : motion.keyframes) k = mirrored(k);
     for (auto& motion : scene.object_motions)
-        for (Keyframe& k : motion) k.pose = mirrored(k.pose);
-    for (Keyframe& k : scene.hand) k.pose = mirrored(k.pose);
+        for (Keyframe& k : motion) k = mirrored(k);
+    for (Keyframe& k : scene.hand) k = mirrored(k);
 }
 
 /// A mirrored scene is felt the same.
