@@ -98,12 +98,12 @@ void prepare_bodies(World& world) {
     const std::size_t chunks = std::size_t(world.chunks.count());
     if (bodies == 0) return;
     for (const VirtualObject& shape : world.shapes) {
-        s.features.push_back(features_of(shape.shape));
+        s.features.push_back(features_of(shape.shape, false));
+        s.plane_features.push_back(features_of(shape.shape, true));
         double reach = shape.shape.kind == ShapeKind::plane ? 1e9 : 0;
-        for (const Feature& f : s.features.back()) {
-            const Vec3<double> centre = shape.body < 0 ? Vec3<double>{0, 0, 0} : world.bodies[shape.body].mass_centre;
-            reach = std::max(reach, norm(f.point - centre) + f.radius);
-        }
+        const Vec3<double> centre = shape.body < 0 ? Vec3<double>{0, 0, 0} : world.bodies[shape.body].mass_centre;
+        for (const auto* features : {&s.features.back(), &s.plane_features.back()})
+            for (const Feature& f : *features) reach = std::max(reach, norm(f.point - centre) + f.radius);
         s.reach.push_back(reach);
         if (shape.body >= 0) world.bodies[shape.body].size = reach;
     }

@@ -20,7 +20,7 @@ std::vector<double> along_axis(double half_length, double radius, int fewest_gap
 
 }  // namespace
 
-std::vector<Feature> features_of(const Shape& shape) {
+std::vector<Feature> features_of(const Shape& shape, bool against_planes) {
     const Vec3<double>& s = shape.size;
     std::vector<Feature> out;
     switch (shape.kind) {
@@ -52,7 +52,10 @@ std::vector<Feature> features_of(const Shape& shape) {
                     out.push_back({{0, 0, end}, s.x, {0, 0, 1}, angle});
             break;
         case ShapeKind::mesh:
-            for (const Vec3<double>& p : shape.mesh->support) out.push_back({p, 0, {0, 0, 0}, 0});
+            if (against_planes)
+                for (const Vec3<double>& p : shape.mesh->support) out.push_back({p, 0, {0, 0, 0}, 0});
+            else
+                for (const DistanceMesh::Ball& b : shape.mesh->balls) out.push_back({b.centre, b.radius, {0, 0, 0}, 0});
             break;
     }
     return out;
@@ -65,7 +68,8 @@ Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Featur
                            const Pose<double>& b) {
     const Vec3<double> middle = transform(a, f.point);
     if (f.radius <= 0) return middle;
-    const Vec3<double> n = surface_at(c, shape, b, middle, c.side).normal;
+    Vec3<double> n = surface_at(c, shape, b, middle, c.side).normal;
+    if (shape.kind == ShapeKind::mesh) n = (1 / std::max(norm(n), 1e-6)) * n;  // a smooth field's is of length one nearby
     if (dot(f.axis, f.axis) <= 0) return middle - f.radius * n;
     const Mat3<double> R = rotation_matrix(a.rotation);
     const Vec3<double> axis = R * f.axis;

@@ -19,8 +19,8 @@ struct Feature {
     double angle = 0;             ///< [rad]
 };
 
-/// Features of a shape; none for a plane.
-std::vector<Feature> features_of(const Shape& shape);
+/// Features of a shape against others, or against planes, where the outermost corners of a mesh do; none for a plane.
+std::vector<Feature> features_of(const Shape& shape, bool against_planes);
 
 /// An object as contact between objects sees it.
 struct ContactBody {
@@ -67,7 +67,7 @@ struct BodyPair {
     double friction = 0;                   ///< Coulomb coefficient
     double penalty = 2e5;                  ///< [N/m]
     bool near = false;                     ///< found near in this step
-    std::vector<FeatureContact> contacts;  ///< [feature of a]
+    std::vector<FeatureContact> contacts;  ///< [feature of a against b]
 };
 
 /// Start of a step: which points touch, for friction.

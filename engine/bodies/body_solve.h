@@ -49,24 +49,30 @@ struct ObjectOverlap {
 };
 
 struct BodySolve {
-    std::vector<std::vector<Feature>> features;  ///< [object]
-    std::vector<double> reach;                   ///< [object] radius of its bounding sphere; huge for a plane [m]
-    std::vector<ContactBody> objects;            ///< [object]
-    std::vector<BodyPair> pairs;                 ///< by the object that brings the features
-    std::vector<int> first_pair;                 ///< [object, end] its places in `pairs`
-    std::vector<int> wanted_pairs;               ///< [object] how many it is near to
-    std::vector<int> near_objects;               ///< scratch: [found] rows of objects that one may touch in this step
-    ObjectOverlap deepest;                       ///< of all steps
-    std::vector<BodyProgress> bodies;            ///< [body, plane between fingers]
-    int places = 0;                              ///< bodies and planes for which there is memory
-    std::vector<int> parent;                     ///< union-find over bodies, then lanes
-    std::vector<int> lane_island;                ///< [coupled chunk][16]
-    std::vector<int> coupled;                    ///< chunks near a body: doubles, then floats
-    std::vector<Island> islands;                 ///< the last is that of sleeping bodies
+    std::vector<std::vector<Feature>> features, plane_features;  ///< [object] against others, against planes
+    std::vector<double> reach;         ///< [object] radius of its bounding sphere; huge for a plane [m]
+    std::vector<ContactBody> objects;  ///< [object]
+    std::vector<BodyPair> pairs;       ///< by the object that brings the features
+    std::vector<int> first_pair;       ///< [object, end] its places in `pairs`
+    std::vector<int> wanted_pairs;     ///< [object] how many it is near to
+    std::vector<int> near_objects;     ///< scratch: [found] rows of objects that one may touch in this step
+    ObjectOverlap deepest;             ///< of all steps
+    std::vector<BodyProgress> bodies;  ///< [body, plane between fingers]
+    int places = 0;                    ///< bodies and planes for which there is memory
+    std::vector<int> parent;           ///< union-find over bodies, then lanes
+    std::vector<int> lane_island;      ///< [coupled chunk][16]
+    std::vector<int> coupled;          ///< chunks near a body: doubles, then floats
+    std::vector<Island> islands;       ///< the last is that of sleeping bodies
     int island_count = 0;
     StepCut cut;
     Eigen::MatrixXd matrix;  ///< of the largest island
     Eigen::VectorXd rhs;
 };
+
+/// Those that a pair's `a` brings.
+inline const std::vector<Feature>& features_of_pair(const BodySolve& s, const BodyPair& p) {
+    const bool plane = s.objects[std::size_t(p.b)].shape->kind == ShapeKind::plane;
+    return (plane ? s.plane_features : s.features)[std::size_t(p.a)];
+}
 
 }  // namespace palpate

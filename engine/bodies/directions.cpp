@@ -245,7 +245,7 @@ void pairs_residual(Work& w) {
                 }
         };
         add(-1, true);
-        evaluate_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b], island.progress.exactness);
+        evaluate_pair(p, features_of_pair(w.s, p), w.s.objects[p.a], w.s.objects[p.b], island.progress.exactness);
         add(1, false);
     }
 }

@@ -91,7 +91,7 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
         if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
     p.penalty = std::max(
         {fitted::least_pair_penalty, fitted::pair_inertia_share * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
-    begin_pair(p, w.s.features[p.a], w.s.objects[p.a], w.s.objects[p.b]);
+    begin_pair(p, features_of_pair(w.s, p), w.s.objects[p.a], w.s.objects[p.b]);
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
     auto begin_contacts = [&] {
         for (FeatureContact& c : p.contacts) {
@@ -102,7 +102,7 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
         }
     };
     begin_contacts();
-    if (find_way_out(p, w.s.features[p.a], a, b)) begin_contacts();
+    if (find_way_out(p, features_of_pair(w.s, p), a, b)) begin_contacts();
     for (const FeatureContact& c : p.contacts) {
         const double depth = -surface_at(c, *b.shape, b.start, transform(a.start, c.point_of_a), 0).distance;
         if (c.undone > 0 && depth > w.s.deepest.depth) w.s.deepest = {p.a, p.b, depth, w.time};
@@ -125,11 +125,12 @@ void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
             if (!p->near) p->a = p->b = -1;
         for (int b : w.s.near_objects) {
             BodyPair* p = place_of(b);
-            if (p == last) {
-                p = std::find_if(first, last, [](const BodyPair& q) { return q.a < 0; });
-                std::fill(p->contacts.begin(), p->contacts.end(), FeatureContact{});
-            }
+            const bool fresh = p == last;
+            if (fresh) p = std::find_if(first, last, [](const BodyPair& q) { return q.a < 0; });
             p->a = a, p->b = b, p->near = true;
+            const std::size_t features = features_of_pair(w.s, *p).size();
+            if (fresh || p->contacts.size() != features)
+                p->contacts.assign(features, FeatureContact{});  // within what it reserved
             if (!w.s.objects[a].still || !w.s.objects[b].still) begin_near_pair(w, *p, given);
         }
     }
@@ -252,7 +253,8 @@ void grow_pairs(BodySolve& s, int at_least) {
         // Half as many again, so that growing is rare.
         const int wanted = std::max(at_least, s.wanted_pairs[a] > had ? s.wanted_pairs[a] * 3 / 2 : had);
         const int places = s.features[a].empty() ? 0 : std::min(wanted, int(s.features.size()) - 1);
-        for (int k = had; k < places; ++k) grown.emplace_back().contacts.resize(s.features[a].size());
+        for (int k = had; k < places; ++k)
+            grown.emplace_back().contacts.reserve(std::max(s.features[a].size(), s.plane_features[a].size()));
         first.push_back(int(grown.size()));
     }
     s.pairs = std::move(grown);

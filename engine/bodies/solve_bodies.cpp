@@ -95,7 +95,7 @@ void evaluate_bodies(Work& w) {
         Island& i = island_of_pair(w, p);
         if (!active(i)) continue;
         const PairEvaluation e =
-            evaluate_pair(p, s.features[p.a], s.objects[p.a], s.objects[p.b], i.progress.exactness);
+            evaluate_pair(p, features_of_pair(s, p), s.objects[p.a], s.objects[p.b], i.progress.exactness);
         i.evaluation.energy += e.energy;
         i.evaluation.pending += e.pending;
         i.evaluation.contact_force += e.contact_force;

@@ -134,28 +134,6 @@ void set_mass(DistanceMesh& mesh) {
     mesh.inertia = (about[0][0] + about[1][1] + about[2][2]) * Mat3<double>::identity() - about;
 }
 
-/// Outermost vertices in 162 directions spread evenly (a Fibonacci lattice), the most spread out 64 of them.
-void set_support(DistanceMesh& mesh) {
-    std::vector<int> found;
-    constexpr int directions = 162, most = 64;
-    for (int k = 0; k < directions; ++k) {
-        const double z = 1 - (2 * k + 1.0) / directions, r = std::sqrt(1 - z * z), phi = 2.399963229728653 * k;
-        const Vec d{r * std::cos(phi), r * std::sin(phi), z};
-        int best = 0;
-        for (int i = 1; i < int(mesh.surface.vertices.size()); ++i)
-            if (dot(d, vertex(mesh.surface, i) - vertex(mesh.surface, best)) > 0) best = i;
-        if (std::find(found.begin(), found.end(), best) == found.end()) found.push_back(best);
-    }
-    std::vector<double> nearest(found.size(), 1e300);
-    for (std::size_t next = 0, n = 0; n < std::min<std::size_t>(found.size(), most); ++n) {
-        const Vec p = vertex(mesh.surface, found[next]);
-        mesh.support.push_back(p);
-        for (std::size_t i = 0; i < found.size(); ++i)
-            nearest[i] = std::min(nearest[i], norm(vertex(mesh.surface, found[i]) - p));
-        next = std::size_t(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-    }
-}
-
 /// Vertices about which faces fill less than a round angle, by more than this [rad]: a corner of a box lacks 1.57, a
 /// vertex on an edge or of something round nothing. (What a vertex lacks is the surface's curvature there.)
 constexpr double sharp = 0.5;
@@ -242,9 +220,9 @@ DistanceMesh build_distance_mesh(const Surface& surface, double smoothing) {
     for (int i : order) sorted.push_back(mesh.triangles[i]), sorted_normals.push_back(mesh.normals[i]);
     mesh.triangles = std::move(sorted);
     mesh.normals = std::move(sorted_normals);
-    set_support(mesh);
     set_corners(mesh);
     build_field(mesh, smoothing);
+    set_points(mesh);  // which asks for distances
     return mesh;
 }
 

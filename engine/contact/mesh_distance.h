@@ -51,8 +51,13 @@ struct DistanceMesh {
     double volume = 0;                            ///< [m^3]
     Vec3<double> centroid{0, 0, 0};               ///< [m]
     Mat3<double> inertia = Mat3<double>::zero();  ///< about the centroid [m^5]
-    std::vector<Vec3<double>> support;            ///< outermost vertices in many directions: contact with other objects
-    std::vector<Vec3<double>> corners;            ///< vertices that may stick between nodes of a skin
+    std::vector<Vec3<double>> support;            ///< outermost vertices in many directions: contact with planes
+    struct Ball {
+        Vec3<double> centre;  ///< [m]
+        double radius;        ///< [m]
+    };
+    std::vector<Ball> balls;            ///< inside it, at these vertices and on faces: contact with other objects
+    std::vector<Vec3<double>> corners;  ///< vertices that may stick between nodes of a skin
 };
 
 struct MeshPoint {

@@ -30,4 +30,7 @@ std::vector<WallPoint> thin_walls(const DistanceMesh& mesh, double spacing, doub
 /// Grid of the smooth field, finer cells at thin walls. `smoothing` as in build_distance_mesh.
 void build_field(DistanceMesh& mesh, double smoothing);
 
+/// Points at which its contact with other objects is decided.
+void set_points(DistanceMesh& mesh);
+
 }  // namespace palpate

@@ -40,7 +40,7 @@ double feature_depth(const ObjectSpec& a, const ObjectSpec& b) {
     auto take = [&](const Vec3<double>& local, double radius) {
         depth = std::max(depth, radius - surface_point(b.shape, b.pose, transform(a.pose, local)).distance);
     };
-    for (const Feature& f : features_of(a.shape)) {
+    for (const Feature& f : features_of(a.shape, b.shape.kind == ShapeKind::plane)) {
         if (!(dot(f.axis, f.axis) > 0)) {
             take(f.point, f.radius);
             continue;

@@ -38,7 +38,7 @@ TEST(Bodies, ContactBetweenObjectsIsTheGradientOfItsPotential) {
     const Shape shapes[] = {cube, {ShapeKind::cylinder, {0.01, 0.02, 0}}, {ShapeKind::capsule, {0.01, 0.02, 0}}, ball};
     const Shape base{ShapeKind::box, {0.1, 0.1, 0.01}};
     for (const Shape& shape : shapes) {
-        const std::vector<Feature> features = features_of(shape);
+        const std::vector<Feature> features = features_of(shape, false);
         const auto lean = normalised(Quaternion<double>{1, 0.3, 0.2, 0.1});
         ContactBody a{&shape, {{0.01, 0, 0.0195}, lean}, {{0.011, 0.002, 0.019}, lean}, {}, 0};
         ContactBody b{&base, {{0, 0, 0}, upright}, {{0, 0.001, 0}, about_x(0.01)}, {}, 1};

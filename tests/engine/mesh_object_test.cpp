@@ -198,5 +198,40 @@ TEST(MeshObject, ABoxOfTrianglesSlidesLikeABox) {
     }
 }
 
+/// Boxes of triangles stand on each other as boxes do, however few vertices they have, and where those lie.
+TEST(MeshObject, BoxesOfTrianglesStandOnEachOther) {
+    const Vec3<double> half{0.01, 0.01, 0.01};
+    for (int parts : {1, 8}) {
+        const auto mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(box_surface(half, parts)));
+        const Shape of_mesh{ShapeKind::mesh, {0, 0, 0}, mesh.get()}, box{ShapeKind::box, half};
+        for (int kinds = 0; kinds < 3; ++kinds)  // both of triangles, then either
+            for (double aside : {0.0, 0.002})
+                for (double dt : {1e-3, 5e-3, 20e-3}) {
+                    SceneSpec spec;
+                    spec.solver.dt = dt;
+                    spec.objects.push_back({"plane", {}, Pose<double>::identity(), 0.5});
+                    for (int k = 0; k < 2; ++k) {
+                        const bool triangles = kinds == 0 || kinds == k + 1;
+                        ObjectSpec o{"box",
+                                     triangles ? of_mesh : box,
+                                     {{k * aside, 0.5 * k * aside, 0.01 + 0.025 * k}, {1, 0, 0, 0}},
+                                     0.5};
+                        if (triangles) o.mesh = mesh;
+                        o.body = solid_body(o.shape, 0.02);
+                        spec.objects.push_back(o);
+                    }
+                    World world = build_world(spec);
+                    Threads threads(1);
+                    while (world.time < 0.4) step(world, threads);
+                    const Vec3<double>&low = world.shapes[1].pose.position, &high = world.shapes[2].pose.position;
+                    const auto where = ::testing::Message() << parts << " parts, kinds " << kinds << ", " << 1e3 * aside
+                                                            << " mm aside, " << 1e3 * dt << " ms";
+                    EXPECT_NEAR(low.z, 0.01, 1e-4) << where;
+                    EXPECT_NEAR(high.z, 0.03, 1e-4) << where;
+                    EXPECT_NEAR(high.x, aside, 1e-4) << where;
+                }
+    }
+}
+
 }  // namespace
 }  // namespace palpate
