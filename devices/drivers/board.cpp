@@ -16,8 +16,7 @@ namespace {
 
 constexpr double feed_period = 0.05, retry_period = 0.5;
 constexpr double catch_up_period = 0.005;
-/// How long servos have caught up before the first move counts as over; longer where nobody knew where they were [s].
-constexpr double settled = 0.2, settled_from_unknown = 1.5, first_move_at_most = 3;
+constexpr double shortest_first_move = 0.2;  ///< [s]
 constexpr std::size_t remembered_transitions = 200;
 
 std::uint64_t packed(WireValue value, double pose_at) {
@@ -80,9 +79,10 @@ void Board::activate() {
     if (const LinkProblem problem = link_->activate()) return latch(problem);
     for (auto& w : wanted_) w.store(no_pulse, std::memory_order_release);  // of before, where a tick met the fault
     easing_ = true;
-    position_unknown_ = held_back_ = unheard_ = false;
-    moving_since_ = 0;
+    first_moves_.fill({});
+    held_back_ = unheard_ = false;
     last_word_ = device_clock();
+    ease_until_ = last_word_ + shortest_first_move;
     enter(BoardState::active, "armed");
 }
 
@@ -274,7 +274,6 @@ void Board::write_changed() {
         note_write(targets[i], transfers[i], began, end);
         given_up |= write_watch_[std::size_t(targets[i].channel)].given_up(end);
     }
-    if (moving_since_ == 0) moving_since_ = end;
     if (problem) return fail(problem, given_up);
     ++writes_;
     latency_.add(end - began);
@@ -287,9 +286,10 @@ void Board::note_write(const ChannelTarget& target, const Transfer& transfer, do
     const auto c = std::size_t(target.channel);
     const bool arrived = transfer.arrived > 0;
     Told& told = told_[c];
-    position_unknown_ |= told.low == no_pulse;
+    const WireLimits limits = limits_of(c);
     const double over = std::max(end, transfer.arrived);
-    told = told_after(told, target.value, arrived, limits_of(c), began - told.at, over, transfer.arrived - told.sent);
+    first_moves_[c].told(longest_way(told, target.value, limits), first_move_share * limits.speed, over);
+    told = told_after(told, target.value, arrived, limits, began - told.at, over, transfer.arrived - told.sent);
     told.took = over - began;
     told.sent = transfer.sent;
     sent_[c] = arrived ? target.value : no_pulse;
@@ -405,16 +405,21 @@ void Board::read_positions(double began) {
     if (problem) fail(problem, given_up);
 }
 
-/// Once servos have made their first move, they may be fast.
+/// Once all servos that are commanded have made their first move, they may be fast.
 void Board::end_easing() {
+    if (!easing_) return;
     const double now = device_clock();
-    if (!easing_ || moving_since_ == 0) return;
-    if (held_back_) caught_up_since_ = now;
-    const double wait = position_unknown_ ? settled_from_unknown : settled;
-    const bool there = now - std::max(moving_since_, caught_up_since_) > wait;
-    if (!there && now - moving_since_ < first_move_at_most) return;
+    int moved = 0, caught_up = 0;
+    for (std::size_t c = 0; c < max_channels; ++c) {
+        const WireValue wanted = value_of(wanted_[c]);
+        if (wanted == no_pulse) continue;
+        ++moved;
+        const double bound = link_->measures ? limits_of(c).following : 0;
+        caught_up += first_moves_[c].caught_up({wanted, sent_[c], position_[c], bound}, now);
+    }
+    if (moved == 0 || caught_up < moved || now < ease_until_) return;
     if (const LinkProblem problem = link_->limit_speed(1)) {
-        caught_up_since_ = now;  // tried again
+        ease_until_ = now + shortest_first_move;  // tried again
         feed_watch_.bad(now);
         return fail(problem, feed_watch_.given_up(device_clock()));
     }

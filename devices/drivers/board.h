@@ -13,6 +13,7 @@
 #include "devices/drivers/audit.h"
 #include "devices/drivers/board_link.h"
 #include "devices/drivers/driver.h"
+#include "devices/drivers/first_move.h"
 #include "devices/drivers/following_error.h"
 #include "devices/loop/clock.h"
 #include "devices/loop/histogram.h"
@@ -122,11 +123,12 @@ class Board {
     std::atomic<bool> rearm_asked_{false}, stop_{false}, seized_{false}, waiting_{false};
     std::atomic<std::int64_t> wakes_{0}, writes_{0}, values_{0}, failures_{0}, opened_{0}, faults_{0};
     std::array<double, max_channels> due_pose_{}, counted_pose_{};  ///< poses behind what is sent, and was counted [s]
-    bool easing_ = false, position_unknown_ = false, held_back_ = false, audit_due_ = false;
+    bool easing_ = false, held_back_ = false, audit_due_ = false;
     std::array<bool, max_channels> lost_{};  ///< nobody knows whether a transfer arrived; to be asked for
     bool unheard_ = false;                   ///< how it is was asked, and got no good answer
-    double moving_since_ = 0;                ///< when the first value after activation was sent; 0: none was [s]
-    double caught_up_since_ = 0, last_word_ = 0, next_feed_ = 0, next_open_ = 0;
+    std::array<FirstMove, max_channels> first_moves_{};
+    double ease_until_ = 0;  ///< at least [s]
+    double last_word_ = 0, next_feed_ = 0, next_open_ = 0;
     std::atomic<double> told_at_{0}, heard_at_{0};             ///< a write's end, a good answer's question [s]
     double woken_at_ = 0, wakes_every_ = 0, write_takes_ = 0;  ///< the rhythm of ticks, and of what they send [s]
     LatencyHistogram latency_;

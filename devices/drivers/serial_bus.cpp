@@ -21,8 +21,9 @@ namespace {
 using Clock = SerialLine::Clock;
 using std::chrono::milliseconds;
 
-constexpr int attempts = 4;         ///< to get an answer, while nothing moves yet
-constexpr int watchdog_ticks = 10;  ///< of a Dynamixel, 20 ms each
+constexpr int attempts = 4;                          ///< to get an answer, while nothing moves yet
+constexpr int watchdog_ticks = 10;                   ///< of a Dynamixel, 20 ms each
+constexpr int least_place = 1, most_place = 0x7fff;  ///< [ticks]; also what stands for all that lies beyond
 
 /// One packet for all targets, which arrive as its last byte has gone over the line, which takes so long a byte [s].
 LinkProblem write_in_one(SerialLine& line, const Bytes& packet, double byte_takes, std::span<Transfer> transfers) {
@@ -59,7 +60,12 @@ class CompactLink final : public BoardLink {
         told_.fill(no_pulse);
         doubtful_ = false;
         refuse_echo();
-        for (int c : settings_.channels) positions[std::size_t(c)] = ask(compact::get_position(c));
+        for (int c : settings_.channels) {
+            const WireValue at = positions[std::size_t(c)] = ask(compact::get_position(c));
+            if (at > compact::most)
+                throw std::runtime_error(settings_.port + ": channel " + std::to_string(c) + " is said to be at " +
+                                         std::to_string(at / 4) + " us, which no Maestro sends");
+        }
         if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
         ask(compact::get_errors());  // of what was before
         return "";
@@ -324,6 +330,9 @@ int ServoBus::own_speed(double share) const {
 
 /// Torque off, goal where the servo is, limits, watchdog; nothing moves.
 void ServoBus::prepare(int id, int position) {
+    if (position <= least_place || position >= most_place)  // told to hold still, it would turn
+        throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) +
+                                 " stands beyond what can be commanded: turn it back by hand, without its supply");
     if (dynamixel_) set(id, watchdog, 0);  // one that has bitten refuses everything else
     set(id, torque_enable(), 0);
     if (limits_force(id) && dynamixel_) {
@@ -437,7 +446,7 @@ LinkProblem ServoBus::read(std::span<const int> channels, std::span<WireValue> p
     for (const auto& [id, raw] : values) {
         // Below zero, and beyond what counts here: no finger thimble gets there.
         const int value = !dynamixel_ && raw & 0x8000 ? -(raw & 0x7fff) : raw;
-        positions[std::size_t(id)] = WireValue(std::clamp(value, 1, 0x7fff));
+        positions[std::size_t(id)] = WireValue(std::clamp(value, least_place, most_place));
     }
     return problem;
 }

@@ -14,6 +14,7 @@ namespace palpate {
 using Bytes = std::vector<std::uint8_t>;
 
 namespace compact {
+inline constexpr WireValue most = 0x3fff;  ///< that a target can say
 /// Set Multiple Targets where channels follow each other (and the board has 12 channels or more), Set Target otherwise.
 Bytes set_targets(std::span<const ChannelTarget> targets, bool multiple);
 Bytes set_speed(int channel, std::uint16_t limit);

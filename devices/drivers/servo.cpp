@@ -78,17 +78,15 @@ double largest_step(double speed, const WireLimits& limits, double elapsed) {
 
 WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed) {
     if (limits.max == 0 || limits.min > limits.max || wanted == no_pulse) return no_pulse;
-    const double min = limits.min, max = limits.max;
-    double value = std::clamp(double(wanted), min, max);
+    double value = std::clamp(wanted, limits.min, limits.max);
     if (told.low != no_pulse && told.low <= told.high) {
-        const double at_least = std::clamp(double(told.low), min, max),
-                     at_most = std::clamp(double(told.high), min, max);
         const double velocity = lasting(told, elapsed);
         // Within a step of wherever it may be; where no value is, as near to both ends as can be.
-        const double low = at_most - largest_step(-velocity, limits, elapsed),
-                     high = at_least + largest_step(velocity, limits, elapsed), middle = std::floor(0.5 * (low + high));
+        const double low = told.high - largest_step(-velocity, limits, elapsed),
+                     high = told.low + largest_step(velocity, limits, elapsed), middle = std::floor(0.5 * (low + high));
         value = low <= high ? std::clamp(value, low, high) : middle;
-        value = std::clamp(value, min, max);
+        // One that stands out of range comes back by steps, too, and goes no farther out.
+        value = std::clamp<double>(value, std::min(limits.min, told.low), std::max(limits.max, told.high));
     }
     return WireValue(value);
 }

@@ -63,10 +63,10 @@ struct Told {
 };
 
 /// The last function before the wire: towards `wanted` from what the servo was told `elapsed` seconds ago, whatever of
-/// it arrived. Inside the range and the speed limit whatever comes in; speed rises and turns round by the acceleration
-/// limit (stopping is always allowed); a pause of more than 0.03 s earns no larger step. What is known to be out of
-/// range counts as the end of the range; where nothing is known, the first value is sent as it is. no_pulse: nothing is
-/// to be sent.
+/// it arrived. Inside the range and the speed limit whatever comes in, and where a servo stands out of range, on its
+/// way back, no farther out than it stands, inside the speed limit; speed rises and turns round by the acceleration
+/// limit (stopping is always allowed); a pause of more than 0.03 s earns no larger step. Where nothing is known, the
+/// first value is sent as it is. no_pulse: nothing is to be sent.
 WireValue limit_wire(WireValue wanted, const Told& told, const WireLimits& limits, double elapsed);
 
 /// What a servo has been told once `value` was sent `elapsed` seconds after `before`; `arrived` says whether it surely

@@ -172,7 +172,14 @@ class TextLink final : public BoardLink {
                                      ": it reads back as " + std::to_string(about.value("speed").value_or(0)));
         const int measured = about.value("measured").value_or(0), at = about.value("at").value_or(0);
         measures |= measured > 0;
-        return WireValue(std::clamp(measured > 0 ? measured : at, 0, 0x7fff));
+        const int place = std::clamp(measured > 0 ? measured : at, 0, 0x7fff), min = about.value("min").value_or(place),
+                  max = about.value("max").value_or(place);
+        // On its way back it would be told what the board refuses.
+        if (place > 0 && (place < min || place > max))
+            throw std::runtime_error("the servo of channel " + std::to_string(channel) + " stands at " +
+                                     std::to_string(place) + " us, and the board allows " + std::to_string(min) +
+                                     " to " + std::to_string(max) + " us: turn it there by hand, without its supply");
+        return WireValue(place);
     }
 
     LinkProblem send(std::string_view line) {

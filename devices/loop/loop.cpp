@@ -74,7 +74,9 @@ int limit_command(const Coordinates& target, const Coordinates& min, const Coord
             std::min({limits.velocity, braking_speed(distance, limits.acceleration, dt), distance / dt});
         const double v = std::clamp(std::copysign(speed, wanted - q[i]), velocity[i] - limits.acceleration * dt,
                                     velocity[i] + limits.acceleration * dt);
-        const double next = std::clamp(q[i] + std::clamp(v, -limits.velocity, limits.velocity) * dt, min[i], max[i]);
+        // From out of range, where it may have been found, it comes back as slowly, and goes no farther out.
+        const double next = std::clamp(q[i] + std::clamp(v, -limits.velocity, limits.velocity) * dt,
+                                       std::min(min[i], q[i]), std::max(max[i], q[i]));
         velocity[i] = (next - q[i]) / dt;
         q[i] = next;
     }
@@ -230,7 +232,8 @@ bool tick(ThimbleLoop& loop, double now) {
 void park(ThimbleLoop& loop) { loop.parked = true; }
 
 double time_to_rest(const ThimbleLoop& loop) {
-    const double farthest = (loop.model.joint_max - loop.model.joint_min).maxCoeff();
+    const double in_range = (loop.model.joint_max - loop.model.joint_min).maxCoeff(),
+                 farthest = std::max(in_range, (loop.q - loop.rest_q).cwiseAbs().maxCoeff());
     const double speed = std::min(loop.settings.first_velocity, loop.settings.limits.velocity);
     return farthest / speed + 2 * speed / loop.settings.limits.acceleration;
 }

@@ -26,7 +26,7 @@ inline constexpr Range velocity{0.011, 50}, acceleration{0.11, 10000};
 }
 
 /// The last function before the wire. From the angles and speeds sent last, one period of dt towards
-/// `target`: always finite, inside [min, max], inside the limits, and able to stop in time.
+/// `target`: always finite, inside [min, max] or on the way back there, inside the limits, and able to stop in time.
 /// Returns the number of joints whose target had to be altered for range or was not finite.
 int limit_command(const Coordinates& target, const Coordinates& min, const Coordinates& max, const SlewLimits& limits,
                   double dt, Coordinates& q, Coordinates& velocity);
@@ -104,7 +104,8 @@ bool tick(ThimbleLoop& loop, double now);
 /// From now on the rest pose is commanded.
 void park(ThimbleLoop& loop);
 
-/// Longest time that the way to the rest pose takes from anywhere, within the limits of a first move [s].
+/// Longest time that the way to the rest pose takes, from anywhere in range and from where the joints are, within the
+/// limits of a first move [s]. Called by the thread that ticks.
 double time_to_rest(const ThimbleLoop& loop);
 
 /// Starts from the driver's actual angles, at rest, slowly, and clears a latched fault if its cause is gone: the only

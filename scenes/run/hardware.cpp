@@ -67,7 +67,7 @@ std::string finger_of(const Scene& scene, std::size_t thimble) {
     return scene.spec.fingers[std::size_t(scene.spec.thimbles[thimble].finger)].name;
 }
 
-constexpr double time_to_drain = 2;  ///< for what limits hold back [s]
+constexpr double time_to_drain = 4;  ///< for what limits hold back, as from out of range [s]
 
 /// Rows of armed thimbles tell how old their commands were at the wire.
 void add_age_columns(Simulation& s) {

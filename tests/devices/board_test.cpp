@@ -126,6 +126,47 @@ TEST(Board, TheFirstMoveIsSlowWhereverServosAre) {
     EXPECT_GT(device_clock() - began, 1.5) << "long enough for a servo that came from anywhere";
 }
 
+TEST(Board, AServoThatStandsOutOfRangeComesBackSlowly) {
+    for (const int found : {11000, 1000}) {
+        FakeState state;
+        state.found = found;
+        Board board(std::make_unique<FakeLink>(state));
+        board.limit(0, {4000, 8000, 12000});
+        const double began = device_clock(), speed = 12000 * first_move_share;
+        const int wanted = found > 8000 ? 7500 : 4500, way = std::abs(found - wanted);
+        board.set(0, WireValue(wanted));
+        board.wake();
+        ASSERT_TRUE(eventually([&] { return board.position(0) == wanted; }));
+        EXPECT_GT(device_clock() - began, 0.9 * way / speed);
+        ASSERT_TRUE(eventually([&] {
+            const std::lock_guard lock(state.mutex);
+            return !state.speed_shares.empty();
+        }));
+        EXPECT_GT(device_clock() - began, 1.1 * way / speed) << "its controller's own limit stays low meanwhile";
+        const std::lock_guard lock(state.mutex);
+        int last = found;
+        for (const ChannelTarget& t : state.seen) {
+            EXPECT_LE(std::abs(t.value - last), speed * 0.03 + 1) << last << " to " << t.value;
+            EXPECT_LE(std::abs(t.value - wanted), std::abs(last - wanted));
+            last = t.value;
+        }
+    }
+}
+
+/// Who follows a hand that never stands still has caught up where it meets it.
+TEST(Board, AHandThatNeverStandsStillEndsTheFirstMoveWhereItIsMet) {
+    FakeState state;
+    Board board(std::make_unique<FakeLink>(state));
+    board.limit(0, {4000, 8000, 12000});
+    const double began = device_clock();
+    ASSERT_TRUE(eventually([&] {
+        board.set(0, WireValue(6000 + 1500 * std::sin(8 * (device_clock() - began))));
+        board.wake();
+        const std::lock_guard lock(state.mutex);
+        return !state.speed_shares.empty();
+    }));
+}
+
 TEST(Board, AgesAreThoseOfPosesAtTheWire) {
     FakeState state;
     state.delay_ms = 20;
@@ -336,7 +377,8 @@ class HostileLink final : public BoardLink {
         if (judge_.open) close_now();
         if (judge_.faults > 0 && judge_.chance(3)) return "not there";
         for (std::size_t c = 0; c < judge_.servos.size(); ++c) {
-            const WireValue at = WireValue(4000 + judge_.random() % 4000);  // somebody may have turned it
+            const WireValue at =
+                WireValue(3500 + judge_.random() % 5000);  // somebody may have turned it, out of range, too
             positions[c] = at;
             judge_.servos[c] = {double(at), double(at), device_clock(), at};
         }
@@ -395,11 +437,13 @@ class HostileLink final : public BoardLink {
         ++judge_.faults;
         return p;
     }
-    /// In range; and from wherever the servo may be no farther than speed allows, or than half of what is unknown.
+    /// In range, or no farther out than the servo may be; and from wherever the servo may be no farther than speed
+    /// allows, or than half of what is unknown.
     void judge(const ChannelTarget& t, bool lost) {
         Judge::Servo& s = judge_.servos[std::size_t(t.channel)];
         const WireLimits& l = judge_.limits;
-        if (t.value < l.min || t.value > l.max) judge_.verdict += "out of range; ";
+        if (t.value < std::min<double>(l.min, s.low) || t.value > std::max<double>(l.max, s.high))
+            judge_.verdict += "out of range; ";
         const double now = device_clock(), time = now - s.at, v = t.value;
         const double most = std::max(l.speed * time, 0.5 * (s.high - s.low)) + 1.5;
         if (std::max(v - s.low, s.high - v) > most)

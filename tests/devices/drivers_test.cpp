@@ -3,6 +3,7 @@
 #include <fstream>
 
 #include "devices/drivers/board.h"
+#include "devices/drivers/first_move.h"
 #include "devices/drivers/maestro.h"
 #include "devices/drivers/maestro_protocol.h"
 #include "devices/drivers/serial_protocol.h"
@@ -67,9 +68,7 @@ TEST(WireValue, SpeedRisesByTheAccelerationLimitAndAnyTargetIsReached) {
     }
     for (int k = 0; k < 200; ++k) told = told_after(told, limit_wire(7777, told, limits, 0.02), true, limits, 0.02, 0);
     EXPECT_EQ(told.low, 7777);
-    // What is known to be out of range begins at the end of the range; slow limits get there, too.
-    EXPECT_LE(limit_wire(4000, {9000, 9000, 0}, limits, 0.02), 8000);
-    EXPECT_GT(limit_wire(4000, {9000, 9000, 0}, limits, 0.02), 7000);
+    // Slow limits get there, too.
     const WireLimits slow{4000, 8000, 10, 20};
     Told at{6000, 6000, 0};
     for (int k = 0; k < 200; ++k) {
@@ -78,6 +77,47 @@ TEST(WireValue, SpeedRisesByTheAccelerationLimitAndAnyTargetIsReached) {
         if (value != at.low) at = told_after(at, value, true, slow, now - at.at, now);
     }
     EXPECT_EQ(at.low, 6010);
+}
+
+TEST(WireValue, WhatStandsOutOfRangeComesBackByStepsAndGoesNoFartherOut) {
+    std::mt19937 random(3);
+    const WireLimits limits{4000, 8000, 15000, 700000};
+    for (int run = 0; run < 2000; ++run) {
+        const WireValue at = WireValue(1 + random() % 12000), other = WireValue(at + random() % 500);
+        Told told{at, run % 2 ? at : other, 0};
+        const int most = std::max<int>(limits.max, told.high), least = std::min<int>(limits.min, told.low);
+        for (int k = 0; k < 200; ++k) {
+            const double elapsed = 0.001 * double(1 + random() % 40);
+            const WireValue value = limit_wire(WireValue(1 + random() % 65535), told, limits, elapsed);
+            ASSERT_LE(value, std::max<int>(limits.max, told.high));
+            ASSERT_GE(value, std::min<int>(limits.min, told.low));
+            ASSERT_TRUE(value <= most && value >= least);
+            const double step = std::max(limits.speed * std::min(elapsed, 0.03), 0.5 * (told.high - told.low)) + 1;
+            ASSERT_LE(std::abs(int(value) - int(told.low)), step) << "from " << told.low << " to " << told.high;
+            ASSERT_LE(std::abs(int(value) - int(told.high)), step) << "from " << told.low << " to " << told.high;
+            told = told_after(told, value, random() % 10 != 0, limits, elapsed, 0);
+        }
+        ASSERT_TRUE(told.low >= limits.min && told.high <= limits.max) << "it is back in its range";
+    }
+}
+
+TEST(FirstMoves, AreOverOnceAServoCanHaveArrived) {
+    FirstMove way;
+    way.told(1000, 2000, 1);
+    EXPECT_FALSE(way.caught_up({6000, 6000, 6000, 0}, 1.5)) << "half a second is not yet over, by its own limit";
+    EXPECT_TRUE(way.caught_up({6000, 6000, 6000, 0}, 1.8));
+    FirstMove behind;
+    behind.told(100, 2000, 1);
+    EXPECT_FALSE(behind.caught_up({7000, 6000, 0, 0}, 9)) << "limits hold it back";
+    EXPECT_FALSE(behind.caught_up({7000, no_pulse, 0, 0}, 9)) << "nobody knows what it was told";
+    EXPECT_TRUE(behind.caught_up({6500, 6600, 0, 0}, 9)) << "what is wanted has passed it";
+    EXPECT_TRUE(behind.caught_up({9000, 6600, 0, 0}, 9));
+    FirstMove measured;
+    measured.told(100, 2000, 1);
+    EXPECT_FALSE(measured.caught_up({6000, 6000, 5000, 400}, 9));
+    EXPECT_TRUE(measured.caught_up({6000, 6000, 5700, 400}, 9));
+    EXPECT_EQ(longest_way({}, 6000, {4000, 8000}), 4000) << "nobody knows where it was";
+    EXPECT_EQ(longest_way({9000, 9500}, 6000, {4000, 8000}), 3500);
 }
 
 /// A board is woken by each of its thimbles, some of them right after it has sent something.

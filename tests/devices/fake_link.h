@@ -27,7 +27,8 @@ struct FakeState {
     std::atomic<bool> refuse{false}, vanish{false}, there{true}, complain{false};
     std::atomic<bool> bites_when_told{false}, bitten{false};  ///< its watchdog, as a target arrives
     std::atomic<int> delay_ms{0}, feed_delay_ms{0}, apart_ms{0}, deaf{-1}, lets_go{0};
-    std::atomic<int> shaft{0};  ///< where servo 0 is, as measured; 0: nobody measures
+    std::atomic<int> found{5000};  ///< where servo 0 is said to be as the controller is opened
+    std::atomic<int> shaft{0};     ///< where servo 0 is, as measured; 0: nobody measures
 };
 class FakeLink final : public BoardLink {
   public:
@@ -38,7 +39,7 @@ class FakeLink final : public BoardLink {
     }
     std::string open(std::span<WireValue> positions) override {
         if (!state_.there) return "not there";
-        positions[0] = state_.held[0] = 5000;
+        positions[0] = state_.held[0] = WireValue(state_.found.load());
         return "";
     }
     void close() override {}

@@ -126,6 +126,21 @@ TEST(LimitCommand, AnySequenceStaysFiniteInRangeAndSlewLimited) {
     }
 }
 
+TEST(LimitCommand, FromOutOfRangeItComesBackAsSlowly) {
+    const Coordinates low = Coordinates::Constant(1, -1), high = Coordinates::Constant(1, 1),
+                      target = Coordinates::Constant(1, 5);
+    for (const double from : {2.0, -2.0}) {
+        Coordinates q = Coordinates::Constant(1, from), v = Coordinates::Zero(1);
+        for (int i = 0; i < 200; ++i) {
+            const double before = q[0];
+            limit_command(target, low, high, {3, 60}, 0.02, q, v);
+            ASSERT_LE(std::abs(q[0] - before), 3 * 0.02 + 1e-12);
+            ASSERT_LE(std::abs(q[0]), std::max(1.0, std::abs(before)));
+        }
+        EXPECT_NEAR(q[0], 1, 1e-6);
+    }
+}
+
 TEST(LimitCommand, ReachesTheTargetWithoutOvershoot) {
     Coordinates q = Coordinates::Zero(1), v = Coordinates::Zero(1);
     const Coordinates low = Coordinates::Constant(1, -1), high = Coordinates::Constant(1, 1),

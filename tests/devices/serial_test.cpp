@@ -235,6 +235,29 @@ TEST_P(SerialBuses, SilenceAtTheStartIsAProblem) {
     EXPECT_THROW(Board board(make_serial_bus(settings)), std::runtime_error);
 }
 
+/// From within what it can be told, a servo comes back into its range by steps; from beyond it would turn at once.
+TEST_P(AnsweringSerialBuses, AServoOutOfItsRangeComesBackSlowlyOrIsNotArmed) {
+    ServoBusEmulator bus(GetParam(), {1, 2});
+    const SerialBusSettings settings = settings_for(GetParam(), bus, {1, 2});
+    bus.turn(2, 3500);
+    {
+        Board board(make_serial_bus(settings));
+        board.limit(2, {1000, 3000, 1200});
+        board.set(2, 3000);
+        board.wake();
+        const double began = device_clock();
+        EXPECT_TRUE(eventually([&] { return board.position(2) == 3000; })) << board.status().problem;
+        EXPECT_GT(device_clock() - began, 0.9 * 500 / (1200 * first_move_share));
+    }
+    bus.turn(2, GetParam() == SerialProtocol::dynamixel ? -5000 : 0x8000 | 5000);
+    try {
+        Board board(make_serial_bus(settings));
+        FAIL() << "it is armed";
+    } catch (const std::runtime_error& error) {
+        EXPECT_NE(std::string(error.what()).find("servo 2 stands beyond"), std::string::npos) << error.what();
+    }
+}
+
 /// On one wire whoever speaks hears it, too, and adapters send it back. That is no answer: of bus servos it can be told
 /// from one; of a Maestro it would be taken for where a servo is, or for errors.
 TEST_P(SerialBuses, WhatIsSaidAndComesBackIsNoAnswer) {

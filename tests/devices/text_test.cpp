@@ -324,6 +324,12 @@ TEST(TextBoard, SettingsThatSafetyRestsOnAreReadBack) {
              {{{"hello", hello + "200"}, {"watchdog", "err range"}, {"about", about + "100"}}, "refuses: range", true},
              {{{"hello", hello + "200"}, {"about", about + "20000"}}, "speed limit of channel 0", false},
              {{{"hello", hello + "200"}, {"about", "ok min=900 max=2100"}}, "speed limit of channel 0", false},
+             {{{"hello", hello + "200"}, {"about", "ok min=900 max=2100 at=2600 speed=100"}},
+              "channel 0 stands at 2600 us, and the board allows 900 to 2100 us",
+              false},
+             {{{"hello", hello + "200"}, {"about", "ok min=900 max=2100 at=1500 measured=800 speed=100"}},
+              "channel 0 stands at 800 us",
+              false},
          }) {
         ScriptedBoard board(c.answers);
         for (const bool need : {true, false}) {

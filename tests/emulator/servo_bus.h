@@ -71,6 +71,11 @@ class ServoBusEmulator {
         const std::lock_guard lock(mutex_);
         return goals_;
     }
+    /// A servo stands elsewhere: somebody has turned it.
+    void turn(int id, int place) {
+        const std::lock_guard lock(mutex_);
+        put(id, present(), wide_ ? 4 : 2, place);
+    }
     int get(int id, int address, int size = 1) {
         const std::lock_guard lock(mutex_);
         return number(id, address, size);
