@@ -33,6 +33,12 @@ WireValue wire_value(const ServoCalibration& servo, double steps_per_unit, doubl
     return WireValue(std::clamp(value, lowest(servo, steps_per_unit), highest(servo, steps_per_unit)));
 }
 
+double cut_off(const ServoCalibration& servo, double angle) {
+    const double value = servo.zero + servo.units_per_rad * angle,
+                 beyond = std::max(servo.min - value, value - servo.max);
+    return beyond < 1 ? 0 : beyond;
+}
+
 WireValue torque_value(const ServoCalibration& servo, double torque) {
     if (!(servo.torque_per_Nm > 0) || !(servo.torque_max >= 0)) return no_torque_limit;
     const double most = std::min(std::floor(servo.torque_max), 32000.0);

@@ -33,6 +33,9 @@ inline constexpr WireValue no_pulse = 0;  ///< "no target": no controller here d
 
 /// The value for an angle [rad], inside the calibration's range; no_pulse for an angle that is not finite.
 WireValue wire_value(const ServoCalibration& servo, double steps_per_unit, double angle);
+/// How far out of the calibration's range an angle lies [units]: what wire_value() cuts off; 0: nothing, but for less
+/// than one.
+double cut_off(const ServoCalibration& servo, double angle);
 /// Angle that a value on the wire means [rad].
 double angle_of(const ServoCalibration& servo, double steps_per_unit, WireValue value);
 

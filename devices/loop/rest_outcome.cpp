@@ -24,6 +24,9 @@ RestOutcome rest_outcome(const ThimbleLoop& loop, const Board& board, const std:
         return {false, controller + ": " + last_fault(b)};
     if (loop.status.mode == ThimbleMode::fault) return {false, controller + " was lost, and is not re-armed"};
     if (!at_rest(loop)) return {false, "the time was too short"};
+    for (std::size_t j = 0; j < channels.size(); ++j)
+        if (cut_off(servos[j], loop.rest_q[std::ptrdiff_t(j)]) > 0)
+            return {false, "it lies outside of the range of servo " + std::to_string(channels[j])};
     auto everywhere = [&](auto there) {
         for (std::size_t j = 0; j < channels.size(); ++j)
             if (!there(channels[j], servos[j],

@@ -2,7 +2,6 @@
 
 #include <toml++/toml.h>
 #include <algorithm>
-#include <fstream>
 
 #include "devices/kinds/chain.h"
 #include "devices/matching/platform_force.h"
@@ -21,9 +20,7 @@ const std::vector<std::string> method_words{"constrained", "unconstrained", "pla
 const std::vector<std::string> solver_words{"slsqp", "least-squares", "multistart"};            // as MatchingSolver
 const std::vector<std::string> norm_words{"squares", "sum"};                                    // as ForceNorm
 
-/// A turn is 4,096 ticks. Torque limits, as their makers give the stall torque: XL330-M288, 0.52 N m at 1,470 mA, and
-/// 800 mA at most here; STS3215, 1.9 N m at 1,000 per mille.
-constexpr ServoCalibration dynamixel_calibration{2048, 651.9, 1024, 3072, 2827, 800};
+/// Torque limits, as its maker gives the stall torque: STS3215, 1.9 N m at 1,000 per mille.
 constexpr ServoCalibration feetech_calibration{2048, 651.9, 1024, 3072, 526, 1000};
 
 /// What a file says of a thimble's controller, whichever driver it names.
@@ -50,9 +47,10 @@ DriverKeys read_driver_keys(Section& s) {
 }
 
 /// The servos' calibrations, from the file or as their maker builds them.
-void calibrate_servos(Section& s, const std::string& file, int joints, const std::filesystem::path& folder,
-                      DriverSpec& d) {
+void calibrate_servos(Section& s, const std::string& file, const DeviceModel& model,
+                      const std::filesystem::path& folder, DriverSpec& d) {
     const bool bus = counts_ticks(d);
+    const int joints = model.kind->joint_count;
     d.servos.assign(std::size_t(joints), d.driver == "dynamixel" ? dynamixel_calibration
                                          : bus                   ? feetech_calibration
                                                                  : ServoCalibration{});
@@ -72,12 +70,14 @@ void calibrate_servos(Section& s, const std::string& file, int joints, const std
         if (d.serial.empty()) d.serial = c.serial;
         d.servos = std::move(c.servos);
         d.calibrated = true;
+        check_ranges(s, file, model, d);
     } catch (const InputError& error) { s.complain_as_found("calibration", error.messages); }
 }
 
 /// Complains about what does not fit the driver; nothing is said of a driver that there is not.
-DriverSpec make_driver(Section& s, const DriverKeys& k, int joints, const std::filesystem::path& folder) {
+DriverSpec make_driver(Section& s, const DriverKeys& k, const DeviceModel& model, const std::filesystem::path& folder) {
     DriverSpec d = k.spec;
+    const int joints = model.kind->joint_count;
     if (!s.in_file() || !s.sound("driver")) return d;
     if (d.driver == "simulated") {
         for (const char* key : {"serial", "port", "channels", "calibration"})
@@ -88,7 +88,7 @@ DriverSpec make_driver(Section& s, const DriverKeys& k, int joints, const std::f
     if (on_port && d.port.empty()) s.complain("port", "a " + d.driver + " needs its port, for example /dev/ttyUSB0");
     if (on_port && s.has("serial")) s.complain("serial", "a " + d.driver + " is chosen by its port");
     if (!on_port && s.has("port")) s.complain("port", "a " + d.driver + " is on USB; choose it by serial");
-    calibrate_servos(s, k.calibration, joints, folder, d);
+    calibrate_servos(s, k.calibration, model, folder, d);
     if (!s.sound("calibration") || !s.sound("channels")) return d;
     if (int(d.channels.size()) != joints)
         s.complain("channels", "a thimble of " + std::to_string(joints) + " joints needs as many channels, found " +
@@ -291,7 +291,7 @@ void read_device(Section s, int finger, const TetMesh& mesh, const std::filesyst
     if (s.sound("kind") && s.sound("joint"))
         if (const auto wrong = validate(t.model); !wrong.empty()) s.complain_as_found("kind", wrong);
     const DriverKeys driver = read_driver_keys(s);
-    scene.drivers.push_back(make_driver(s, driver, t.model.kind->joint_count, folder));
+    scene.drivers.push_back(make_driver(s, driver, t.model, folder));
     check_force_mode(s, t, scene.drivers.back());
     s.finish();
     scene.spec.thimbles.push_back(t);
@@ -320,83 +320,6 @@ void read_thimble_loop(Section s, Scene& scene) {
         servo.finish();
     }
     s.finish();
-}
-
-namespace {
-
-/// The keys of a servo in one unit: zero_us, us_per_rad, ... or zero_ticks, ticks_per_rad, ...
-struct ServoKeys {
-    ServoCalibration values;
-    std::vector<std::string> keys;
-};
-
-ServoKeys read_servo_keys(Section& s, bool ticks) {
-    ServoKeys k;
-    if (ticks) k.values = dynamixel_calibration;
-    ServoCalibration& v = k.values;
-    const std::string name = ticks ? "ticks" : "us";
-    const Unit& one = ticks ? unit::ticks : unit::us;
-    const Unit& slope = ticks ? unit::ticks_per_rad : unit::us_per_rad;
-    k.keys = {"zero_" + name, name + "_per_rad", "min_" + name, "max_" + name};
-    const auto usual = ticks ? std::nullopt : std::optional<Likely>(Likely{0, 2600, "", "ticks"});
-    s.number(k.keys[0], v.zero, one, servo_bounds::units, "At joint angle 0.", usual);
-    s.number(k.keys[1], v.units_per_rad, slope, {-servo_bounds::units_per_rad.high, servo_bounds::units_per_rad.high},
-             "Per joint angle; negative where the servo turns the other way.");
-    s.number(k.keys[2], v.min, one, servo_bounds::units, "Least that may ever be sent.");
-    s.number(k.keys[3], v.max, one, servo_bounds::units, "Most that may ever be sent.", usual);
-    return k;
-}
-
-ThimbleCalibration read_calibration_keys(Section& root) {
-    ThimbleCalibration c;
-    root.text("serial", c.serial, "USB serial number of the Maestro.");
-    int unit = 0;
-    root.choice("unit", unit, {"us", "ticks"},
-                "What its servos count: microseconds of pulse, or ticks of a bus servo.");
-    c.ticks = unit == 1;
-    for (Section& s : root.tables("servo", "One per joint, in the order of the joints.")) {
-        int channel = int(c.channels.size());
-        s.integer("channel", channel, {0, max_channels - 1}, "Channel, or bus id; by default the joint's place.");
-        const ServoKeys in_us = read_servo_keys(s, false), in_ticks = read_servo_keys(s, true);
-        for (const std::string& key : c.ticks ? in_us.keys : in_ticks.keys)
-            if (s.has(key) && root.sound("unit"))
-                s.complain(key, std::string("the file's unit is ") + (c.ticks ? "ticks" : "us"));
-        ServoCalibration v = c.ticks ? in_ticks.values : in_us.values;
-        s.number("torque_per_Nm", v.torque_per_Nm, unit::per_Nm, servo_bounds::torque_per_Nm,
-                 "Torque limit of 1 N m, in the servo's units; 0: it has none. By default a Dynamixel's where the unit "
-                 "is ticks.");
-        s.number("torque_max", v.torque_max, unit::one, servo_bounds::torque_max,
-                 "Most that may ever be sent as torque limit.");
-        if (s.sound(in_us.keys[0]))
-            if (const auto wrong = v.validate(); !wrong.empty())
-                s.complain_as_found(c.ticks ? in_ticks.keys[0] : in_us.keys[0], wrong);
-        s.finish();
-        c.channels.push_back(channel);
-        c.servos.push_back(v);
-    }
-    root.finish();
-    return c;
-}
-
-}  // namespace
-
-KeyInfo calibration_keys() {
-    KeyInfo keys;
-    keys.name = "calibration";
-    keys.sentence = "A file that `calibration = \"...\"` names: how a thimble's servos sit.";
-    Problems none;
-    Section root(nullptr, "", none, &keys);
-    read_calibration_keys(root);
-    return keys;
-}
-
-ThimbleCalibration read_calibration(const std::filesystem::path& file) {
-    Problems problems{file, {}};
-    const toml::table table = parse_toml(file);
-    Section root(&table, "", problems);
-    ThimbleCalibration c = read_calibration_keys(root);
-    if (!problems.messages.empty()) throw InputError(problems.messages);
-    return c;
 }
 
 namespace {
@@ -443,18 +366,6 @@ void check_boards(const Scene& scene, Problems& problems) {
                 }
         }
     }
-}
-
-void write_calibration(const std::filesystem::path& file, const ThimbleCalibration& c, const std::string& unit) {
-    std::ofstream out(file);
-    out << "# Calibration of a thimble's servos, one per joint.\nserial = \"" << c.serial << "\"\nunit = \"" << unit
-        << "\"\n";
-    for (std::size_t i = 0; i < c.servos.size(); ++i)
-        out << "\n[[servo]]\nchannel = " << c.channels[i] << "\nzero_" << unit << " = " << c.servos[i].zero << "\n"
-            << unit << "_per_rad = " << c.servos[i].units_per_rad << "\nmin_" << unit << " = " << c.servos[i].min
-            << "\nmax_" << unit << " = " << c.servos[i].max << "\ntorque_per_Nm = " << c.servos[i].torque_per_Nm
-            << "\ntorque_max = " << c.servos[i].torque_max << "\n";
-    if (!out.flush()) throw InputError(file.string() + ": cannot be written");
 }
 
 }  // namespace palpate

@@ -16,6 +16,7 @@
 #include "devices/drivers/maestro.h"
 #include "meshes/input_error.h"
 #include "scenes/load/key.h"
+#include "scenes/load/load_devices.h"
 #include "scenes/program/commands.h"
 #include "scenes/run/hardware.h"
 
@@ -144,12 +145,6 @@ void examine_use(const Scene& scene, const std::vector<maestro::BoardInfo>& boar
                               servo.c_str(), low, high, limits.min_us, limits.max_us);
                 say(wrong, text, "widen the channel's range in Pololu's Control Center, or narrow the joint's limits");
             }
-            if (low < d.servos[j].min || high > d.servos[j].max) {
-                std::snprintf(text, sizeof text,
-                              "%s: the joint needs %.0f to %.0f us, its calibration allows %.0f to %.0f", servo.c_str(),
-                              low, high, d.servos[j].min, d.servos[j].max);
-                say(wrong, text, "the thimble will not reach its limits; calibrate it, or narrow the joint's limits");
-            }
         }
     }
 }
@@ -169,11 +164,15 @@ std::size_t examine_ports(const Scene& scene, int& wrong) {
 void examine_calibrations(const Scene& scene, int& wrong) {
     for (std::size_t t = 0; t < scene.drivers.size(); ++t) {
         const DriverSpec& d = scene.drivers[t];
+        if (controller_of(d).empty()) continue;
         const std::string finger = scene.spec.fingers[std::size_t(scene.spec.thimbles[t].finger)].name;
-        if (!controller_of(d).empty() && d.driver != "maestro-dry" && !d.calibrated)
+        if (d.driver != "maestro-dry" && !d.calibrated)
             say(wrong, finger + ": its servos are not calibrated, and will not be armed",
                 "palpate calibrate-thimble " + scene.file.string() + " --finger " + finger + " --out " + finger +
                     ".toml, and calibration = \"" + finger + ".toml\" in its device");
+        for (std::size_t j = 0; j < d.servos.size(); ++j)
+            if (const std::string lost = lost_range(d, j, scene.spec.thimbles[t].model); !lost.empty())
+                say(wrong, finger + ": " + lost, "calibrate it anew, or narrow the joint's limits");
     }
 }
 

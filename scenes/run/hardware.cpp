@@ -193,6 +193,19 @@ std::string rest_report(const Simulation& s, bool& all) {
     return text;
 }
 
+Coordinates sent_angles(const Simulation& s, std::size_t thimble) {
+    if (!s.hardware) return s.loops[thimble]->q;
+    const DriverSpec& d = s.scene.drivers[thimble];
+    const auto board = s.hardware->boards.find(controller_of(d));
+    if (board == s.hardware->boards.end()) return s.hardware->seen[thimble].sent;
+    Coordinates q(std::ptrdiff_t(d.channels.size()));
+    for (std::size_t j = 0; j < d.channels.size(); ++j) {
+        const WireValue value = board->second->arrived(d.channels[j]);
+        q[std::ptrdiff_t(j)] = value == no_pulse ? NAN : angle_of(d.servos[j], board->second->steps_per_unit(), value);
+    }
+    return q;
+}
+
 const ThimbleReport& newest_report(Hardware& h, int thimble) {
     h.loops[std::size_t(thimble)]->reports.take(h.seen[std::size_t(thimble)]);
     return h.seen[std::size_t(thimble)];

@@ -42,6 +42,10 @@ void arm(Simulation& simulation, const ArmSettings& settings);
 /// Brings the thimbles to their rest pose, which takes as long as their slew limits ask for, and lets go of the thread.
 void disarm(Simulation& simulation);
 
+/// Angles that a thimble's servos were told last, as far as that surely arrived, and NaN where nobody knows [rad]; of a
+/// simulated one, what its loop sent.
+Coordinates sent_angles(const Simulation& simulation, std::size_t thimble);
+
 /// The newest that a thimble's loop has told.
 const ThimbleReport& newest_report(Hardware& hardware, int thimble);
 /// Sleeps until the next step is due.

@@ -74,9 +74,10 @@ void record_finger(Simulation& s, std::size_t i) {
                      double(status.limited_elements), 1e6 * status.penetration_m, 1e6 * fixed})
         out.push_back(v);
     const int t = thimble_of(w, finger);
-    const ThimbleReport seen = t < 0        ? ThimbleReport{}
-                               : s.hardware ? newest_report(*s.hardware, t)
-                                            : ThimbleReport{s.loops[t]->q, s.loops[t]->driver->actual(w.time), {}};
+    ThimbleReport seen = t < 0        ? ThimbleReport{}
+                         : s.hardware ? newest_report(*s.hardware, t)
+                                      : ThimbleReport{{}, s.loops[t]->driver->actual(w.time), {}};
+    if (t >= 0) seen.sent = sent_angles(s, std::size_t(t));
     if (t >= 0) record_thimble(w.matchings[t], seen, out);
     const FingerOutput felt = finger_output(c);
     for (double v : {felt.torque.x, felt.torque.y, felt.torque.z}) out.push_back(v);

@@ -148,12 +148,8 @@ void take_numbers(const Simulation& s, const StreamNames& names, bool samples, S
         if (names.thimbles[i] < 0) continue;
         const auto t = std::size_t(names.thimbles[i]);
         f.configuration = w.matchings[t].result.w, f.wanted = w.matchings[t].result.q;
-        if (s.hardware) {
-            const ThimbleReport& seen = newest_report(*s.hardware, int(t));
-            f.sent = seen.sent, f.reached = seen.actual;
-        } else {
-            f.sent = s.loops[t]->q, f.reached = s.loops[t]->driver->actual(w.time);
-        }
+        f.reached = s.hardware ? newest_report(*s.hardware, int(t)).actual : s.loops[t]->driver->actual(w.time);
+        f.sent = sent_angles(s, t);
     }
     out.objects.resize(w.shapes.size());
     for (std::size_t i = 0; i < w.shapes.size(); ++i) {

@@ -204,6 +204,13 @@ TEST(ServoCalibrations, ClashingNumbersAreRefused) {
     EXPECT_FALSE((ServoCalibration{1500, NAN, 992, 2000}.validate().empty()));
 }
 
+TEST(ServoCalibrations, WhatTheirRangeCutsOff) {
+    const ServoCalibration servo{1500, -500, 1000, 1600};
+    for (const double q : {-0.2, -0.201, 0.0, 1.0, 1.001}) EXPECT_EQ(cut_off(servo, q), 0) << q;
+    EXPECT_NEAR(cut_off(servo, -0.5), 150, 1e-9);
+    EXPECT_NEAR(cut_off(servo, 1.2), 100, 1e-9);
+}
+
 TEST(MaestroProtocol, RequestsAsDocumented) {
     using namespace maestro;
     EXPECT_EQ(set_target(3, 6000), (Request{0x40, 0x85, 6000, 3, 0}));

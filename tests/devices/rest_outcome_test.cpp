@@ -16,10 +16,11 @@ using testing::FakeState;
 /// A thimble in its rest pose, as far as its loop is concerned.
 struct Rested {
     const std::vector<int> channels{0, 1, 2};
-    const std::vector<ServoCalibration> servos = std::vector<ServoCalibration>(3);
+    const std::vector<ServoCalibration> servos;
     std::shared_ptr<Board> board;
     ThimbleLoop loop;
-    explicit Rested(FakeState& state) : board(std::make_shared<Board>(std::make_unique<FakeLink>(state))) {
+    explicit Rested(FakeState& state, const ServoCalibration& servo = {})
+        : servos(3, servo), board(std::make_shared<Board>(std::make_unique<FakeLink>(state))) {
         initialise(loop, find_kind("chinello-3rrs")->defaults(), {},
                    make_board_driver(board, channels, servos, {6, 0, 0, {}}));
     }
@@ -51,6 +52,14 @@ TEST(RestOutcomes, OnlyWhatWasConfirmedIsSaid) {
     ASSERT_TRUE(eventually([&] { return r.board->state() != BoardState::active; }));
     EXPECT_FALSE(r.outcome().confirmed);
     EXPECT_NE(r.outcome().how.find("unplugged: gone"), std::string::npos) << r.outcome().how;
+}
+
+TEST(RestOutcomes, ARestPoseThatTheRangeCutsOffIsNotReached) {
+    FakeState state;
+    Rested r(state, {1500, 636.62, 992, 1600});
+    ASSERT_TRUE(r.told());
+    EXPECT_FALSE(r.outcome().confirmed);
+    EXPECT_EQ(r.outcome().how, "it lies outside of the range of servo 0");
 }
 
 /// What arrived last may have been followed by a bite of which nobody has been told yet.

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <fstream>
 #include <map>
+#include <sstream>
 #include <thread>
 
 #include "devices/drivers/text_link.h"
@@ -241,6 +242,17 @@ TEST(TextBoard, TheProgramDrivesIt) {
     {
         const std::lock_guard lock(arduino::pulses_mutex);
         EXPECT_GT(arduino::pulses.size(), 30u);
+    }
+    // What is said to have been sent are whole microseconds, as on the wire.
+    std::ifstream rows(results / "index.csv");
+    std::string names, row, cell;
+    for (std::string next; std::getline(rows, names.empty() ? names : next);)
+        if (!next.empty()) row = next;
+    std::istringstream columns(names), cells(row);
+    for (std::string column; std::getline(columns, column, ',') && std::getline(cells, cell, ',');) {
+        if (!column.starts_with("sent")) continue;
+        const double us = 1500 + 636.62 * std::atof(cell.c_str()) * degree;
+        EXPECT_NEAR(us, std::round(us), 1e-3) << column;
     }
     // Killed, it leaves the rest to the board: silence sends its servos home, which is to let go.
     const testing::Outcome killed = testing::shell("sh -c '" + run + " & p=$!; sleep 1.2; kill -KILL $p; wait $p'");

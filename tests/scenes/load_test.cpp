@@ -289,6 +289,21 @@ TEST_F(SceneFiles, CalibrationsFitTheirServos) {
     EXPECT_SAYS(refusal(used(maestro)), "it is in ticks, and a maestro takes microseconds");
     calibration("unit = \"us\"\n", "ticks", "2000");
     EXPECT_SAYS(refusal(used(maestro)), "zero_ticks: the file's unit is us");
+    auto servos = [&](const std::string& each) {
+        std::ofstream out(scratch_.path / "thimble.toml");
+        for (int c = 0; c < 3; ++c) out << "[[servo]]\n" << each;
+    };
+    // Its range has to hold the rest pose, and should hold all that the joint can do.
+    servos("zero_us = 1500\nus_per_rad = 573\nmin_us = 1499\nmax_us = 1501\n");
+    EXPECT_SAYS(
+        refusal(used(maestro)),
+        "thimble.toml: the rest pose is at 1756 us of servo 1 (channel 0), outside of its range, 1499 us to 1501");
+    servos("zero_us = 1500\nus_per_rad = -573\nmin_us = 1200\nmax_us = 2100\n");
+    const auto lost = warnings(used(maestro));
+    ASSERT_EQ(lost.size(), 3u);
+    EXPECT_SAYS(lost.front(),
+                "servo 1 (channel 0) needs 1122 us to 1851 us for its joint, and its range is 1200 us to");
+    EXPECT_SAYS(lost.front(), "7.8 degrees (78 us) are lost");
     // Without a calibration it runs, and says that it should not be armed.
     const auto said = warnings(replaced(good, device, "{ driver = \"maestro\", channels = [0, 1, 2] }"));
     ASSERT_EQ(said.size(), 1u);
