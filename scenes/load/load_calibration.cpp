@@ -86,7 +86,11 @@ ThimbleCalibration read_calibration_keys(Section& root) {
     c.ticks = unit == 1;
     for (Section& s : root.tables("servo", "One per joint, in the order of the joints.")) {
         int channel = int(c.channels.size());
-        s.integer("channel", channel, {0, max_channels - 1}, "Channel, or bus id; by default the joint's place.");
+        s.integer("channel", channel, {0, max_channels - 1},
+                  "Channel, or bus id, as the device's `channels` where that is given; by default the joint's place.");
+        c.says_channels |= s.has("channel");
+        if (std::find(c.channels.begin(), c.channels.end(), channel) != c.channels.end())
+            s.complain("channel", "channel " + std::to_string(channel) + " is that of another [[servo]], too");
         const ServoKeys in_us = read_servo_keys(s, false), in_ticks = read_servo_keys(s, true);
         for (const std::string& key : c.ticks ? in_us.keys : in_ticks.keys)
             if (s.has(key) && root.sound("unit"))

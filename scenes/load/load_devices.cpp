@@ -46,6 +46,12 @@ DriverKeys read_driver_keys(Section& s) {
     return k;
 }
 
+std::string list_of(const std::vector<int>& channels) {
+    std::vector<std::string> words;
+    for (int c : channels) words.push_back(std::to_string(c));
+    return joined(words);
+}
+
 /// The servos' calibrations, from the file or as their maker builds them.
 void calibrate_servos(Section& s, const std::string& file, const DeviceModel& model,
                       const std::filesystem::path& folder, DriverSpec& d) {
@@ -66,6 +72,11 @@ void calibrate_servos(Section& s, const std::string& file, const DeviceModel& mo
             return s.complain("calibration", "a thimble of " + std::to_string(joints) +
                                                  " joints needs as many [[servo]], found " +
                                                  std::to_string(c.servos.size()));
+        if (s.has("channels") && c.says_channels && s.sound("channels") && c.channels != d.channels)
+            return s.complain("calibration", file + " is of channels " + list_of(c.channels) +
+                                                 ", and this device says channels " + list_of(d.channels) +
+                                                 ", in the order of the joints: it belongs to other servos, or one of "
+                                                 "both is wrong");
         if (!s.has("channels")) d.channels = c.channels;
         if (d.serial.empty()) d.serial = c.serial;
         d.servos = std::move(c.servos);

@@ -39,7 +39,8 @@ struct ThimbleCalibration {
     std::string serial;
     std::vector<int> channels;
     std::vector<ServoCalibration> servos;
-    bool ticks = false;  ///< of bus servos; otherwise microseconds of pulse
+    bool ticks = false;          ///< of bus servos; otherwise microseconds of pulse
+    bool says_channels = false;  ///< they stand in the file
 };
 ThimbleCalibration read_calibration(const std::filesystem::path& file);
 /// All that may stand in such a file.

@@ -289,10 +289,19 @@ TEST_F(SceneFiles, CalibrationsFitTheirServos) {
     EXPECT_SAYS(refusal(used(maestro)), "it is in ticks, and a maestro takes microseconds");
     calibration("unit = \"us\"\n", "ticks", "2000");
     EXPECT_SAYS(refusal(used(maestro)), "zero_ticks: the file's unit is us");
+    calibration("unit = \"us\"\n", "us", "1500");
+    EXPECT_EQ(refusal(used(maestro + ", channels = [0, 1, 2]")), "");
+    EXPECT_SAYS(refusal(used(maestro + ", channels = [3, 4, 5]")),
+                "thimble.toml is of channels 0, 1, 2, and this device says channels 3, 4, 5");
+    EXPECT_SAYS(refusal(used(maestro + ", channels = [1, 0, 2]")), "it belongs to other servos");
     auto servos = [&](const std::string& each) {
         std::ofstream out(scratch_.path / "thimble.toml");
         for (int c = 0; c < 3; ++c) out << "[[servo]]\n" << each;
     };
+    servos("zero_us = 1500\nus_per_rad = 573\nmin_us = 900\nmax_us = 2100\n");  // of no channel: by order
+    EXPECT_EQ(refusal(used(maestro + ", channels = [3, 4, 5]")), "");
+    servos("channel = 0\nzero_us = 1500\n");
+    EXPECT_SAYS(refusal(used(maestro)), "channel 0 is that of another [[servo]], too");
     // Its range has to hold the rest pose, and should hold all that the joint can do.
     servos("zero_us = 1500\nus_per_rad = 573\nmin_us = 1499\nmax_us = 1501\n");
     EXPECT_SAYS(
