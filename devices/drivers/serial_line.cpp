@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -12,14 +13,23 @@
 
 namespace palpate {
 
-void SerialLine::open(const std::string& port, int baud) {
+void SerialLine::claim(const std::string& port) {
+    struct stat what {};  // what opens otherwise, as a pipe does, is left alone
+    if (::stat(port.c_str(), &what) == 0 && !S_ISCHR(what.st_mode))
+        throw std::runtime_error(port + " is not a serial port");
     fd_ = ::open(port.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (fd_ < 0 && errno == EBUSY) throw std::runtime_error(port + " is in use: another program has it for itself");
     if (fd_ < 0) throw std::runtime_error(port + " cannot be opened: " + std::strerror(errno));
+    if (::isatty(fd_) != 1) throw std::runtime_error(port + " is not a serial port");
+    lock_device(fd_, port);
+    if (const std::string usb = usb_node_of_tty(port); !usb.empty()) usb_.take(usb, port);
+}
+
+void SerialLine::open(const std::string& port, int baud) {
+    claim(port);
+    exclusive_ = ioctl(fd_, TIOCEXCL) == 0;  // against programs that know nothing of locks
     termios t{};
     if (tcgetattr(fd_, &t) != 0) throw std::runtime_error(port + " is not a serial port");
-    lock_device(fd_, port);
-    ioctl(fd_, TIOCEXCL);  // against programs that know nothing of locks
-    if (const std::string usb = usb_node_of_tty(port); !usb.empty()) usb_.take(usb, port);
     cfmakeraw(&t);
     t.c_cflag |= CLOCAL | CREAD;
     const speed_t speed = baud == 1000000 ? B1000000 : baud == 115200 ? B115200 : B57600;
@@ -32,7 +42,8 @@ void SerialLine::open(const std::string& port, int baud) {
 void SerialLine::close() {
     usb_.release();
     if (fd_ < 0) return;
-    ioctl(fd_, TIOCNXCL);
+    if (exclusive_) ioctl(fd_, TIOCNXCL);  // not where another program has it
+    exclusive_ = false;
     ::close(fd_);
     fd_ = -1;
 }

@@ -19,7 +19,10 @@ class SerialLine {
     SerialLine() = default;
     SerialLine(const SerialLine&) = delete;
     SerialLine& operator=(const SerialLine&) = delete;
-    /// 57600, 115200 or 1000000 baud. Locks the port, and the USB device behind it. Throws std::runtime_error.
+    /// Opens the port, if it is a serial one that nobody uses, and locks it, and the USB device behind it; changes
+    /// nothing, and says nothing. Throws std::runtime_error.
+    void claim(const std::string& port);
+    /// The same, at 57600, 115200 or 1000000 baud, for words.
     void open(const std::string& port, int baud);
     void close();
     bool is_open() const { return fd_ >= 0; }
@@ -34,6 +37,7 @@ class SerialLine {
   private:
     bool wait(short what, Clock::time_point end) const;
     int fd_ = -1;
+    bool exclusive_ = false;
     DeviceLock usb_;
 };
 

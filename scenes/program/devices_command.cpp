@@ -7,13 +7,12 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <thread>
 
 #include "devices/drivers/maestro.h"
+#include "devices/drivers/serial_line.h"
 #include "meshes/input_error.h"
 #include "scenes/load/key.h"
 #include "scenes/load/load_devices.h"
@@ -149,15 +148,28 @@ void examine_use(const Scene& scene, const std::vector<maestro::BoardInfo>& boar
     }
 }
 
-/// What a scene asks of controllers that are not on USB, as far as can be seen without touching them.
+/// What a scene asks of controllers on serial ports, as far as can be seen without a word to them.
 std::size_t examine_ports(const Scene& scene, int& wrong) {
-    std::set<std::string> ports;
+    std::map<std::string, std::string> ports;  // and who speaks there
     for (const DriverSpec& d : scene.drivers)
-        if (!d.port.empty()) ports.insert(d.port);
-    for (const std::string& port : ports)
-        if (::access(port.c_str(), R_OK | W_OK) != 0)
-            say(wrong, port + ": " + std::strerror(errno),
-                errno == EACCES ? "sudo usermod -aG dialout $USER, then log in again" : "plug its controller in");
+        if (!d.port.empty()) ports[d.port] = d.driver;
+    for (const auto& [port, driver] : ports) {
+        try {
+            SerialLine line;
+            line.claim(port);
+        } catch (const std::exception& problem) {
+            const bool denied = ::access(port.c_str(), R_OK | W_OK) != 0 && errno == EACCES;
+            say(wrong, problem.what(),
+                denied
+                    ? "sudo usermod -aG dialout $USER, then log in again"
+                    : "plug its controller in, say its port (ls /dev/serial/by-id), or end the program that uses it");
+            continue;
+        }
+        std::printf(
+            "%s: a serial port, and free. Not asked, for only arming asks it: who is there (%s is expected), "
+            "its watchdog, its own range, and where its servos stand\n",
+            port.c_str(), driver.c_str());
+    }
     return ports.size();
 }
 
@@ -189,17 +201,19 @@ int examine(const std::string& file, bool mend) {
                 used.insert(used.end(), d.channels.begin(), d.channels.end());
         examine_board(b, used, mend, wrong);
     }
-    std::size_t usable = 0;
+    std::size_t usable = 0, unasked = 0;
     for (const auto& b : boards) usable += b.channels > 0;
     if (scene) {
         examine_use(*scene, boards, wrong);
-        usable += examine_ports(*scene, wrong);
+        usable += unasked = examine_ports(*scene, wrong);
         examine_calibrations(*scene, wrong);
         if (!drives_hardware(*scene)) std::printf("the scene's thimbles are simulated: it needs no controller\n");
     }
     if (boards.empty() && wrong == 0 && !scene)
         say(wrong, "no servo controller on USB", "plug one in, with its own supply");
-    if (wrong == 0) std::printf("%zu controller%s: nothing wrong\n", usable, usable == 1 ? "" : "s");
+    if (wrong == 0)
+        std::printf("%zu controller%s: nothing wrong%s\n", usable, usable == 1 ? "" : "s",
+                    unasked ? ", as far as was asked" : "");
     return wrong ? 1 : 0;
 }
 

@@ -1,7 +1,12 @@
 // The unmodified program and emulated Maestro boards on USB: listing, arming, moving, calibrating.
 
+#include <pty.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
 
+#include "devices/drivers/serial_line.h"
 #include "tests/devices/usb_fixture.h"
 
 namespace palpate {
@@ -59,6 +64,31 @@ TEST_F(Usb, TheDoctorAsksForNoBoardThatNobodyDrives) {
     EXPECT_EQ(o.code, 1) << o.out;
     EXPECT_SAYS(o, "1. /dev/no-such-port");
     EXPECT_EQ(o.out.find("Maestro"), std::string::npos) << o.out;
+    for (const std::string& port : {std::string("/dev/null"), scratch.path.string(), scene(1, 1)}) {
+        o = asked_of(", driver = \"text\", port = \"" + port + "\", calibration = \"cal.toml\", channels = [0, 1, 2]");
+        EXPECT_EQ(o.code, 1) << o.out;
+        EXPECT_SAYS(o, "1. " + port + " is not a serial port");
+    }
+    char port[256];
+    int board = -1, line = -1;
+    ASSERT_EQ(openpty(&board, &line, port, nullptr, nullptr), 0);
+    const std::string text =
+        std::string(", driver = \"text\", port = \"") + port + "\", calibration = \"cal.toml\", channels = [0, 1, 2]";
+    o = asked_of(text);
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_SAYS(o, "a serial port, and free. Not asked");
+    EXPECT_SAYS(o, "nothing wrong, as far as was asked");
+    {
+        SerialLine driven;
+        driven.open(port, 115200);
+        o = asked_of(text);
+        EXPECT_EQ(o.code, 1) << o.out;
+        EXPECT_SAYS(o, std::string("1. ") + port + " is in use");
+    }
+    int said = 0;
+    EXPECT_EQ(ioctl(board, FIONREAD, &said), 0);
+    EXPECT_EQ(said, 0) << "bytes were sent";
+    ::close(board), ::close(line);
     o = asked_of(", driver = \"maestro\", serial = \"00123456\", channels = [0, 1, 2]");
     EXPECT_EQ(o.code, 1) << o.out;
     EXPECT_SAYS(o, "00123456 is not on USB");
