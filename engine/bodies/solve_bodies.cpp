@@ -364,7 +364,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
             }
             island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
             stop_where_jammed(w, island);
-            detail::shorten_steps(island.progress, island.decision);
+            detail::shorten_steps(island.progress, island.decision, island.evaluation);
             retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;
             goes_on |= active(island);
         }

@@ -109,8 +109,12 @@ void record_bodies(Simulation& s) {
         const double weight = std::max(body.mass * norm(w.gravity), 1e-9);
         Vec3<double> by_fingers{0, 0, 0};
         double grip = 0;
+        bool settled = true;
         for (const EntityId finger : s.fingers)
-            if (const ObjectContact* c = contact_of(w, finger, object)) by_fingers -= c->force, grip += c->normal_force;
+            if (const ObjectContact* c = contact_of(w, finger, object)) {
+                by_fingers -= c->force, grip += c->normal_force;
+                settled &= !w.contact_surfaces.find(finger)->rough;
+            }
         // Held: by fingers and by nothing else.
         const bool held = grip > 0 && norm(f - by_fingers) < 1e-2 * weight + 1e-3 * grip;
         const double balance = norm(f + body.mass * (w.gravity - body.acceleration)) / weight;
@@ -128,8 +132,13 @@ void record_bodies(Simulation& s) {
             follow_slide(s, i, object, held && c && c->normal_force > 0, last);
             out.push_back(1e3 * norm(last.slid));
             if (!held) continue;
+            last.unsettled += !settled;
+            if (!settled) continue;
             last.grip_sum += c ? c->normal_force : 0;
             ++last.steps;
+            last.touching += c && c->normal_force > 0;
+            if (c && c->friction_available > 0)
+                last.friction_use = std::max(last.friction_use, c->friction_force / c->friction_available);
             if (c && c->normal_force > 0.5 * last.grip_sum / double(last.steps)) read_grip(s, i, object, last.samples);
         }
     }
@@ -189,20 +198,14 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
             const std::size_t column = own_columns.size() + 4 * i;
             GripSummary g;
             g.finger = s.scene.spec.fingers[i].name;
-            std::size_t touching = 0;
-            for (std::size_t k = 0; k < held.size(); ++k) {
-                const double grip = series.at(k, column);
-                if (held[k] <= 0 || grip <= 0) continue;
-                ++touching;
-                g.mean_N += grip;
-                g.friction_use = std::max(g.friction_use, series.at(k, column + 1));
-                g.slip_mm = std::max(g.slip_mm, series.at(k, column + 3));
-            }
+            for (std::size_t k = 0; k < held.size(); ++k)
+                if (held[k] > 0 && series.at(k, column) > 0) g.slip_mm = std::max(g.slip_mm, series.at(k, column + 3));
+            const LastGrip& grip = s.last_grips[std::size_t(b) * s.fingers.size() + i];
+            out.unsettled_steps = std::max(out.unsettled_steps, grip.unsettled);
             if (last + 1 < held.size() && series.at(last + 1, column) > 0) lost = false;  // put down, not dropped
-            if (touching == 0) continue;
-            g.mean_N /= double(touching);
-            g.reserve =
-                grip_reserve(s.last_grips[std::size_t(b) * s.fingers.size() + i].samples, -1.0 * s.world.gravity);
+            if (grip.touching == 0) continue;
+            g.mean_N = grip.grip_sum / double(grip.touching), g.friction_use = grip.friction_use;
+            g.reserve = grip_reserve(grip.samples, -1.0 * s.world.gravity);
             out.slip_mm = std::max(out.slip_mm, g.slip_mm);
             out.grips.push_back(g);
         }
@@ -241,7 +244,14 @@ std::string to_text(const std::vector<BodySummary>& bodies) {
                 out += wrapped(
                     written("gripped like this, %s would slip at %.2f times its weight", name, b.slips_at_weights),
                     "  ");
-            if (b.slip_mm > 1)
+            if (b.unsettled_steps > 0)
+                out += wrapped(
+                    written("%lld steps of the hold ended too far from balance to be counted: what is said of it may "
+                            "be the solve's and not the grasp's; use more iterations (solver.preset) or other steps "
+                            "(dt_ms)",
+                            (long long)b.unsettled_steps),
+                    "  ");
+            else if (b.slip_mm > 1)
                 out += wrapped(b.name + " slipped through the fingers: grip harder, or give it more friction", "  ");
             if (b.dropped_at_s >= 0) out += written("  %s was dropped at t = %.2f s\n", name, b.dropped_at_s);
         }

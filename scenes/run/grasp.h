@@ -18,8 +18,8 @@ void record_bodies(Simulation& simulation);
 /// A finger's part in a grasp.
 struct GripSummary {
     std::string finger;
-    double mean_N = 0;        ///< normal force while the body is held
-    double friction_use = 0;  ///< worst share of the Coulomb limit in use while held
+    double mean_N = 0;        ///< normal force while the body is held, of steps near balance
+    double friction_use = 0;  ///< worst share of the Coulomb limit in use while held, of steps near balance
     double slip_mm = 0;       ///< farthest from where it gripped the body, over its surface, while held
     GripReserve reserve;      ///< what it could still resist, before it let go
 };
@@ -33,8 +33,9 @@ struct BodySummary {
     double balance = 0;        ///< median of |contact force + weight - mass x acceleration| / weight while held
     double converged_share = 0;
     int resets = 0;
-    double slips_at_weights = 0;     ///< grasp_capacity
-    std::vector<GripSummary> grips;  ///< of fingers that touched it while held
+    std::int64_t unsettled_steps = 0;  ///< of the hold that ended too far from balance to say anything of it
+    double slips_at_weights = 0;       ///< grasp_capacity
+    std::vector<GripSummary> grips;    ///< of fingers that touched it while held
 };
 
 /// Samples with which a finger touches a body now, seen from its centre of mass.

@@ -28,8 +28,11 @@ struct RealTimePace {
 /// How a finger held a body when fingers alone held it last; not as it let go, with less than half its mean grip.
 struct LastGrip {
     std::vector<GripSample> samples;
-    double grip_sum = 0;  ///< [N]
-    std::int64_t steps = 0;
+    double grip_sum = 0;         ///< of settled steps in which fingers alone hold the body [N]
+    std::int64_t steps = 0;      ///< those
+    std::int64_t touching = 0;   ///< and those of them in which this finger touches it
+    std::int64_t unsettled = 0;  ///< steps of the hold that ended too far from balance to say anything
+    double friction_use = 0;     ///< worst share of the Coulomb limit in use in settled steps
     std::vector<Vec3<double>>
         before;                  ///< [sample] where they were in the last step while they touched, body's frame [m]
     Vec3<double> slid{0, 0, 0};  ///< way over the body since fingers alone hold it, its frame [m]

@@ -83,10 +83,15 @@ nlohmann::json to_json(const Summary& s) {
                                      {"deepest_dent_mm", o.deepest_dent_mm},
                                      {"converged_share", o.converged_share}});
     for (const BodySummary& b : s.bodies) {
-        nlohmann::json k{{"name", b.name},       {"held_s", b.held_s},
-                         {"slip_mm", b.slip_mm}, {"drift_mm", b.drift_mm},
-                         {"balance", b.balance}, {"converged_share", b.converged_share},
-                         {"resets", b.resets},   {"grips", nlohmann::json::array()}};
+        nlohmann::json k{{"name", b.name},
+                         {"held_s", b.held_s},
+                         {"slip_mm", b.slip_mm},
+                         {"drift_mm", b.drift_mm},
+                         {"balance", b.balance},
+                         {"converged_share", b.converged_share},
+                         {"resets", b.resets},
+                         {"unsettled_steps", b.unsettled_steps},
+                         {"grips", nlohmann::json::array()}};
         if (b.slips_at_weights > 0) k["slips_at_weights"] = b.slips_at_weights;
         if (b.dropped_at_s >= 0) k["dropped_at_s"] = b.dropped_at_s;
         for (const GripSummary& g : b.grips)

@@ -178,6 +178,17 @@ std::string refusal(const std::vector<std::string>& settings, const std::string&
     } catch (const InputError& error) { return error.what(); }
 }
 
+TEST(Keys, APairHasOneFriction) {
+    const std::string things =
+                          "[[object]]\nname = \"a\"\n[[object]]\nname = \"b\"\nkind = \"box\"\nsize_mm = [9, 9, 9]\n"
+                          "position_mm = [0, 0, 90]\nmass_g = 3\n",
+                      pair = "[[friction]]\nfirst = \"a\"\nsecond = \"b\"\ncoefficient = 0.1\n",
+                      turned = "[[friction]]\nfirst = \"b\"\nsecond = \"a\"\ncoefficient = 1\n";
+    EXPECT_EQ(refusal({}, things + pair), "");
+    for (const std::string& again : {pair, turned})
+        EXPECT_NE(refusal({}, things + pair + again).find("has a coefficient already"), std::string::npos);
+}
+
 TEST(Keys, EveryKeyOfTheSchemaIsReadByTheLoader) {
     // A value of the wrong type under a key is an error that names the key, not an unknown key.
     const auto kinds = file_kinds();

@@ -255,6 +255,8 @@ TEST(Soft, BadInputIsRefusedWithItsPlace) {
         {with("young_kPa = 5"), {"bad.toml:", "fixed", "held by a part"}},
         {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 6], radius_mm = 3, young_kPa = 50 } ]"),
          {"bad.toml:", "centre_mm", "inside its object", "expected", "found 1 mm"}},
+        {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 0], radius_mm = 500, young_kPa = 50 } ]"),
+         {"bad.toml:", "centre_mm", "1.1 radii (550 mm), found 7 mm"}},  // and no mesh is tried, which takes minutes
         {with("fixed = \"bottom\"\nnodule = [ { centre_mm = [0, 0, 0], radius_mm = 3, young_kPa = 50 }, "
               "{ centre_mm = [4, 0, 0], radius_mm = 3, young_kPa = 50 } ]"),
          {"bad.toml:", "nodules must lie apart", "found 4 mm"}},

@@ -401,7 +401,7 @@ void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
         matrix.lanes = slow & d.newton;
         if (any(matrix.lanes)) e = detail::evaluate_keeping<R>(c, settings, p.exactness, matrix);
 
-        if (any(d.retry)) detail::shorten_steps(p, d);
+        if (any(d.retry)) detail::shorten_steps(p, d, e);
         if (any(d.update)) {
             detail::stiffen_slow_lanes(c, settings, e, d.update, p.last_excess, p.last_depth);
             detail::update_multipliers<R>(c, d.update);

@@ -89,12 +89,20 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     return d;
 }
 
-/// Halves the steps of the lanes that retry, or takes them back: what follows is then damped as much as can be.
+/// Halves the steps of the lanes that retry. Where even the smallest half leads uphill, a penalty has woken on the way
+/// that the matrix does not know, and grows as a parabola: its lowest point is tried, so that the next matrix knows it.
+/// Where that is no way down either, the step is taken back: what follows is then damped as much as can be.
 template <class R>
-inline void shorten_steps(LaneProgress<R>& p, const LaneDecision<R>& d) {
-    p.alpha = select(d.retry, select(d.undo, R(0), R(ScalarOf<R>(0.5)) * p.alpha), p.alpha);
+inline void shorten_steps(LaneProgress<R>& p, const LaneDecision<R>& d, const Evaluation<R>& e) {
+    using T = ScalarOf<R>;
+    const R rise = e.energy - p.base_energy - p.alpha * p.slope;
+    const R lowest = R(T(-0.5)) * p.slope * p.alpha * p.alpha / rise;
+    const MaskOf<R> parabola = d.undo & (p.alpha >= R(T(fitted::smallest_step))) & (rise > R(0)) &
+                               (lowest > R(T(2 * fitted::hopeless_step))) & (lowest < p.alpha);
+    const MaskOf<R> undo = d.undo & !parabola;
+    p.alpha = select(d.retry, select(undo, R(0), select(parabola, lowest, R(T(0.5)) * p.alpha)), p.alpha);
     p.backtracks += select(d.retry, R(1), R(0));
-    p.uphill += select(d.undo, R(1), R(0));
+    p.uphill += select(undo, R(1), R(0));
 }
 
 /// Lanes whose potential is another one from here on: there is nothing to compare energies with.

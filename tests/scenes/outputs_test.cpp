@@ -1,0 +1,83 @@
+// What commands write replaces nothing of another kind, and tracks turn as they are written.
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+
+#include "scenes/trackers/trajectory.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+using namespace testing;
+
+std::string text_of(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST(Outputs, NothingOfAnotherKindIsReplaced) {
+    ScratchFolder scratch;
+    const std::string here = scratch.path.string() + "/", scene = here + "mine.toml";
+    const auto run = [&](const std::string& arguments) {
+        return palpate_program(arguments + " --out " + here + "out --no-picture");
+    };
+    const std::string text = "duration_s = 0.05\n[[finger]]\nname = \"f\"\nelements = 100\n";
+    std::ofstream(scene) << text;
+    ASSERT_EQ(run("run " + scene + " --record " + here + "r.palpate").code, 0);
+    const std::string recording = text_of(here + "r.palpate");
+    std::ofstream(here + "notes.txt") << "mine";
+    for (const std::string& arguments :
+         {"run " + scene + " --record " + scene, "run " + scene + " --report " + scene,
+          "run " + scene + " --video " + scene, "run " + scene + " --record " + here + "notes.txt"}) {
+        const Outcome o = run(arguments);
+        EXPECT_EQ(o.code, 2) << arguments << o.out;
+        EXPECT_NE(o.out.find("it would be lost"), std::string::npos) << o.out;
+    }
+    const std::string replayed = here + "r.palpate";
+    for (const std::string& arguments :
+         {"convert " + replayed + " --hdf5 " + replayed, "replay " + replayed + " --extract " + replayed,
+          "replay " + replayed + " --report " + replayed,
+          "tracker udp:5990 --seconds 0.1 --record " + here + "notes.txt"})
+        EXPECT_EQ(palpate_program(arguments).code, 2) << arguments;
+    EXPECT_EQ(text_of(scene), text);
+    EXPECT_EQ(text_of(replayed), recording);
+    EXPECT_EQ(text_of(here + "notes.txt"), "mine");
+    // Of its own kind it is, and where no frame came an old recording stays.
+    EXPECT_EQ(run("run " + scene + " --record " + replayed).code, 0);
+    EXPECT_EQ(palpate_program("replay " + replayed + " --extract " + scene).code, 0);
+    std::ofstream(here + "hand.jsonl") << "{\"t\": 0}\n";
+    EXPECT_EQ(palpate_program("tracker udp:0 --seconds 0.1 --record " + here + "hand.jsonl").code, 0);
+    EXPECT_EQ(text_of(here + "hand.jsonl"), "{\"t\": 0}\n");
+}
+
+/// Angle of a track's turn about z, followed through it in small steps [degrees].
+double turned_about_z(const std::vector<Keyframe>& track) {
+    double sum = 0;
+    Quaternion<double> before = track.front().pose.rotation;
+    for (int k = 1; k <= 1000; ++k) {
+        const Quaternion<double> now = trajectory_pose(track, 1e-3 * k).rotation, step = now * conjugate(before);
+        sum += 2 * std::atan2(step.z, step.w < 0 ? -step.w : step.w) * (step.w < 0 ? -1 : 1);
+        before = now;
+    }
+    return sum * 180 / M_PI;
+}
+
+TEST(Tracks, TurnAsWritten) {
+    const double degree = M_PI / 180;
+    for (double from : {0.0, -30.0})
+        for (double by : {10.0, 170.0, 180.0, 270.0, 360.0, -360.0, 800.0, -3600.0}) {
+            std::vector<Keyframe> track(2);
+            track[1].time = 1;
+            const Vec3<double> first{0, 0, from * degree}, last{0, 0, (from + by) * degree};
+            track[0].pose.rotation = from_roll_pitch_yaw(first.x, first.y, first.z);
+            track[1].pose.rotation = from_roll_pitch_yaw(last.x, last.y, last.z);
+            track[1].turn = written_turn(first, last);
+            EXPECT_EQ(track[1].turn.empty(), std::abs(by) < 180) << by;
+            EXPECT_NEAR(turned_about_z(track), by, 1e-6) << from;
+        }
+}
+
+}  // namespace
+}  // namespace palpate
