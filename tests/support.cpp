@@ -79,6 +79,7 @@ void aim_all(SkinChunk<T>& c, double linear, double angular, const Pose<double>&
                 const double origin = i >= 2 && i < 5 ? c.state.origin[(i - 2) * c.width + l] : 0;
                 c.scratch.bone_springs[(9 * s + i) * c.width + l] = T(s > 0 && i < 2 ? 0 : v[i] - origin);
             }
+    std::fill(c.scratch.coupling_reach.begin(), c.scratch.coupling_reach.end(), T(1e30));
 }
 template void aim_all(SkinChunk<double>&, double, double, const Pose<double>&);
 template void aim_all(SkinChunk<float>&, double, double, const Pose<double>&);

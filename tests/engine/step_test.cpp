@@ -380,7 +380,7 @@ TEST(Trackers, AFlipIsSlowedDown) {
     EXPECT_EQ(world.couplings[0].slowed - before, limited - 1);  // the last turn is whole
 }
 
-TEST(Trackers, TheCouplingsTorqueIsLimited) {
+TEST(Trackers, TheCouplingsTorqueIsLimitedAndNotTheTurn) {
     SceneSpec spec = scene_of(1, false);
     spec.solver.inertia = false;
     spec.objects.clear();
@@ -391,12 +391,11 @@ TEST(Trackers, TheCouplingsTorqueIsLimited) {
     TrackerPose& t = world.tracker_poses[0];
     t.incoming = {spec.fingers[0].start, 0, true};
     step(world, threads);
-    // Nothing holds the finger: it turns as far as the spring's limited reach, and no farther in one step.
+    // Nothing holds the finger: a torque that is limited turns it all the way.
     t.incoming.pose.rotation = normalised(Quaternion<double>{1, 0, 1, 0} * t.incoming.pose.rotation);
-    const Quaternion<double> before = bone_pose(world, world.skins.owner(0)).rotation;
     step(world, threads);
-    const Quaternion<double> e = bone_pose(world, world.skins.owner(0)).rotation * conjugate(before);
-    EXPECT_NEAR(2 * spec.fingers[0].coupling.angular_stiffness * norm(e.vector()), 0.01, 1e-6);
+    const Quaternion<double> e = bone_pose(world, world.skins.owner(0)).rotation * conjugate(t.incoming.pose.rotation);
+    EXPECT_LT(norm(e.vector()), 1e-6);
 }
 
 TEST(Build, RefusesNonsenseWithSentences) {

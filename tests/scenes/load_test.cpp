@@ -97,7 +97,7 @@ TEST_F(SceneFiles, BodiesFrictionsAndFilters) {
                 "either a track or a mass");
     EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"thing\"\nsecond = \"chair\"\n"), "found \"chair\"");
     EXPECT_EQ(with(box, "[[friction]]\nfirst = \"index\"\nsecond = \"thing\"\ncoefficient = 0.1\n"), "");
-    EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"index\"\nsecond = \"index\"\n"), "do not touch each other");
+    EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"index\"\nsecond = \"index\"\n"), "is skin_friction");
     EXPECT_SAYS(with(box, "[[friction]]\nfirst = \"thing\"\nsecond = \"thing\"\n"), "does not touch itself");
     EXPECT_SAYS(with(box + "release_s = 1"), "only an object with mass_g");
     EXPECT_SAYS(with("kind = \"mesh\""), "needs the name of a file");
