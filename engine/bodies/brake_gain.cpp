@@ -22,7 +22,17 @@ bool gains(const BodyWork& w, const BodyProgress& b, int body) {
 /// What really acted on a body beside its weight [N].
 Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.mass * body.acceleration - b.weight; }
 
-/// A contact force on a body, of what has moved by `way`.
+/// Takes a force of the end of the step back by half of the body's turn: what turns with a body that is gripped works
+/// along the chord as the force half way does. At the end a grip of 4 N that turns by 3 degrees has worked by a tenth of
+/// a millijoule, more than what a body of 20 g moves with.
+Mat3<double> half_back(const BodyProgress& b) {
+    Quaternion<double> turn = b.pose.rotation * conjugate(b.start.rotation);
+    if (turn.w < 0) turn = {-turn.w, -turn.x, -turn.y, -turn.z};
+    turn.w += 1;  // half of it, but for its length
+    return transpose(rotation_matrix(normalised(turn)));
+}
+
+/// A contact force on a body, as it was half way through the step, of what has moved by `way`.
 void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& way) {
     b.supported += dot(force, way);
     b.load += norm(force);
@@ -65,19 +75,20 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
         const bool no_result = misses_what_acted(w.bodies[std::size_t(row)], b, fitted::no_result);
         auto way_of_node = [&](int node) { return no_result ? bone_way(node) : node_way(node); };
         if (c.contacts.slot[std::size_t(slot)].recovers) b.gain = 0;
+        const Mat3<double> back = half_back(b);
         for (std::size_t s = 0; s < samples_in_use<T>(c); ++s) {
             const std::size_t i = (std::size_t(slot) * t.sample_count() + s) * 3 * W + L;
             const Vec3<double> force{double(c.exchange.slot_gradient[i]), double(c.exchange.slot_gradient[i + W]),
                                      double(c.exchange.slot_gradient[i + 2 * W])};
             if (dot(force, force) <= 0) continue;
             if (s < t.samples.size()) {
-                support(b, force, way_of_node(t.samples[s]));
+                support(b, back * force, way_of_node(t.samples[s]));
                 continue;
             }
             const FaceSample& f = t.face_samples[s - t.samples.size()];
             Vec3<double> way{0, 0, 0};
             for (std::size_t k = 0; k < 3; ++k) way += double(f.weight[k]) * way_of_node(f.node[k]);
-            support(b, force, way);
+            support(b, back * force, way);
         }
     });
 }
@@ -101,7 +112,7 @@ void add_support_of_objects(BodyWork& w) {
                     BodyProgress& body = w.s.bodies[std::size_t(to.body)];
                     const bool nowhere =
                         met && misses_what_acted(w.bodies[std::size_t(to.body)], body, fitted::no_result);
-                    support(body, force, met ? (nowhere ? 0.0 : 0.5) * (of_a + of_b) : way);
+                    support(body, half_back(body) * force, met ? (nowhere ? 0.0 : 0.5) * (of_a + of_b) : way);
                 };
                 give(a, -term.gradient, b.body >= 0, of_b);
                 give(b, term.gradient, a.body >= 0, of_a);

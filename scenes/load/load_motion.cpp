@@ -59,8 +59,9 @@ PoseKeys read_pose_keys(Section& s, const char* position_sentence, Places& place
     PoseKeys keys;
     s.vector("position_mm", keys.position, unit::mm, 5000, position_sentence);
     s.vector("rotation_deg", keys.rotation, unit::deg, 3600,
-             "Rotation [roll, pitch, yaw]: about the fixed x, then the fixed y, then the fixed z axis. In a track, an "
-             "angle that changes by half a turn or more turns as written, otherwise the shortest way.");
+             "Rotation [roll, pitch, yaw]: about the fixed x, then the fixed y, then the fixed z axis. In a track, "
+             "an angle that changes alone by half a turn or more, or by a whole one, turns as written; otherwise the "
+             "shortest way is taken.");
     const Vec3<double> none{0, 0, 0};
     places.take((1 / unit::mm.si) * keys.position.value_or(none), (1 / unit::deg.si) * keys.rotation.value_or(none));
     return keys;

@@ -25,7 +25,8 @@ Quaternion<double> from_roll_pitch_yaw(double roll, double pitch, double yaw) {
 std::vector<Quaternion<double>> written_turn(const Vec3<double>& from, const Vec3<double>& to) {
     const Vec3<double> way = to - from;
     const double most = std::max({std::abs(way.x), std::abs(way.y), std::abs(way.z)});
-    if (most < std::numbers::pi - 1e-9) return {};
+    const int changed = (way.x != 0) + (way.y != 0) + (way.z != 0);
+    if (most < (changed == 1 ? 1 : 2) * std::numbers::pi - 1e-9) return {};
     // Angles about several axes turn about none that stays: short parts follow them.
     const int parts = int(std::ceil(most / (5 * std::numbers::pi / 180)));
     const Quaternion<double> back = conjugate(from_roll_pitch_yaw(from.x, from.y, from.z));

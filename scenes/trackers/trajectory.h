@@ -21,8 +21,9 @@ Pose<double> trajectory_pose(const std::vector<Keyframe>& keyframes, double time
 /// Shortest rotation between two orientations, at share s in [0, 1].
 Quaternion<double> slerp(const Quaternion<double>& a, Quaternion<double> b, double s);
 
-/// Keyframe::turn of angles [roll, pitch, yaw] that change from one keyframe to the next as they are written; empty
-/// where each changes by less than half a turn [rad].
+/// Keyframe::turn of angles [roll, pitch, yaw] that change from one keyframe to the next as they are written [rad].
+/// Empty, for the shortest way, where one alone changes by less than half a turn, or where several change, none by a
+/// whole turn: what they come to together may be small.
 std::vector<Quaternion<double>> written_turn(const Vec3<double>& from, const Vec3<double>& to);
 
 /// Rotation by roll about x, then pitch about y, then yaw about z [rad].

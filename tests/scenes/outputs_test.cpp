@@ -79,5 +79,11 @@ TEST(Tracks, TurnAsWritten) {
         }
 }
 
+TEST(Tracks, SeveralAnglesThatChangeMayBeASmallTurn) {
+    const Vec3<double> a{0.3, 0, -1}, b{0, 1.4, 2.9};  // as in `hand`: 220 degrees of yaw
+    EXPECT_TRUE(written_turn(a, b).empty());
+    EXPECT_FALSE(written_turn(a, {0, 1.4, 5.4}).empty());
+}
+
 }  // namespace
 }  // namespace palpate
