@@ -9,6 +9,7 @@
 #include "scenes/load/load_now.h"
 #include "scenes/load/load_objects.h"
 #include "scenes/load/load_solver.h"
+#include "scenes/load/result_files.h"
 #include "scenes/load/scene.h"
 #include "scenes/load/section.h"
 #include "scenes/load/start_overlap.h"
@@ -270,6 +271,7 @@ Scene load_table(toml::table table, const std::filesystem::path& file, const std
     read_scene(root, scene, templates ? *templates : own, problems);
     // What is wrong with the whole is said where each part of it is right.
     if (problems.messages.empty()) check_boards(scene, problems);
+    if (problems.messages.empty()) check_result_files(scene, table, problems);
     if (problems.messages.empty())
         for (const auto& sentence : scene.spec.validate()) problems.add(nullptr, sentence);
     if (problems.messages.empty()) {

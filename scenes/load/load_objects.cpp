@@ -153,8 +153,10 @@ void make_body(Section& s, const BodyKeys& k, ObjectSpec& o) {
 }  // namespace
 
 void check_name(Section& s, const std::string& name, const std::vector<std::string>& others, const char* what) {
-    if (name.find_first_of("/\\\"\n,") != std::string::npos || name.empty() || name.size() > 80)
-        s.complain("name", "a name is used for files: no slashes, quotes or commas, and at most 80 letters");
+    if (has_controls(name) || name.find_first_of("/\\\",") != std::string::npos || name.empty() || name.size() > 80)
+        s.complain(
+            "name",
+            "a name is used for files: no slashes, quotes, commas or control characters, and at most 80 letters");
     if (std::find(others.begin(), others.end(), name) != others.end())
         s.complain("name", std::string("two ") + what + " are called '" + name + "'");
 }

@@ -9,6 +9,10 @@
 
 namespace palpate {
 
+bool has_controls(const std::string& text) {
+    return std::any_of(text.begin(), text.end(), [](unsigned char c) { return c < 32 || c == 127; });
+}
+
 std::string Problems::placed(const toml::node* where, const std::string& message) const {
     std::ostringstream out;
     out << file.string();
@@ -288,7 +292,7 @@ std::vector<Section> Section::tables(const Name& key, const char* sentence) {
             continue;
         }
         const std::string name = (*entry.as_table())["name"].value_or(std::string());
-        if (!name.empty() && name.size() <= 80) path = full(key.now) + " \"" + name + "\"";
+        if (!name.empty() && name.size() <= 80 && !has_controls(name)) path = full(key.now) + " \"" + name + "\"";
         list.emplace_back(entry.as_table(), path, *problems_);
     }
     return list;

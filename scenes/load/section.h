@@ -17,6 +17,9 @@
 
 namespace palpate {
 
+/// Whether a text has characters that nobody sees, such as NUL, at which names of files end.
+bool has_controls(const std::string& text);
+
 struct Problems {
     std::filesystem::path file;
     std::vector<std::string> messages;       ///< errors

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "meshes/input_error.h"
+#include "scenes/load/result_files.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/outputs.h"
 #include "scenes/program/progress.h"
@@ -139,13 +140,18 @@ void refuse_film_in_real_time(const RunArguments& a, const std::string& tracker)
                      "wait for; --record run.palpate, then palpate replay run.palpate --video " + a.video);
 }
 
-int run_scene(RunArguments a, const std::atomic<bool>& stop) {
+void refuse_to_lose_files(const RunArguments& a) {
     refuse_to_replace("--record", a.record, Output::recording);
     refuse_to_replace("--report", a.report, Output::report);
     refuse_to_replace("--video", a.video, Output::film);
+}
+
+int run_scene(RunArguments a, const std::atomic<bool>& stop) {
+    refuse_to_lose_files(a);
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     const std::vector<std::string> overrides = all_overrides(a, stop);
     Scene scene = load_scene(a.scene, overrides);
+    if (a.pads_per_second > 0) refuse_colliding_pads(scene);
     tell_of_scene(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);

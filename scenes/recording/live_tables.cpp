@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "meshes/mesh_files.h"
+#include "scenes/load/result_files.h"
 
 namespace palpate {
 
@@ -23,13 +24,13 @@ int body_of(const VirtualObject& o) { return std::max(o.body, o.held_body); }
 std::vector<NamedSeries> tables_of(const Simulation& s) {
     std::vector<NamedSeries> tables;
     for (std::size_t i = 0; i < s.finger_series.size(); ++i)
-        tables.push_back({s.scene.spec.fingers[i].name + ".csv", &s.finger_series[i]});
+        tables.push_back({result_file::finger_table(s.scene.spec.fingers[i].name), &s.finger_series[i]});
     for (const VirtualObject& o : s.world.shapes)
         if (const int body = body_of(o); body >= 0)
-            tables.push_back({"object_" + o.name + ".csv", &s.body_series[std::size_t(body)]});
+            tables.push_back({result_file::object_table(o.name), &s.body_series[std::size_t(body)]});
     for (std::size_t k = 0; k < s.soft_series.size(); ++k)
-        tables.push_back({"object_" + s.world.soft.all[k].skin.name + ".csv", &s.soft_series[k]});
-    tables.push_back({"steps.csv", &s.step_series});
+        tables.push_back({result_file::object_table(s.world.soft.all[k].skin.name), &s.soft_series[k]});
+    tables.push_back({result_file::steps, &s.step_series});
     return tables;
 }
 

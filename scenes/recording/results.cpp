@@ -6,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "scenes/load/result_files.h"
 #include "scenes/recording/live_tables.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/stretches.h"
@@ -88,22 +89,13 @@ void write_nodes(const fs::path& path, const World& world, EntityId finger) {
     write_csv(path, series);
 }
 
-namespace {
-
-std::string pad_file(const std::string& finger, std::size_t number) {
-    char text[32];
-    std::snprintf(text, sizeof text, "_%04zu.vtu", number);
-    return finger + text;
-}
-
-}  // namespace
-
 PadSeries::PadSeries(fs::path folder, double rate) : folder_(std::move(folder)), rate_(rate) {}
 
 void PadSeries::record(const Simulation& s) {
     if (s.world.time + 1e-9 < next_) return;
+    if (times_.empty()) refuse_colliding_pads(s.scene);
     for (const EntityId finger : s.fingers)
-        write_pad(folder_ / pad_file(s.world.skins.find(finger)->name, times_.size()), s.world, finger);
+        write_pad(folder_ / result_file::finger_pad(s.world.skins.find(finger)->name, times_.size()), s.world, finger);
     times_.push_back(s.world.time);
     next_ = s.world.time + 1 / rate_;
 }
@@ -113,9 +105,10 @@ void PadSeries::finish(const Simulation& s) const {
         std::ostringstream out;
         out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n";
         for (std::size_t k = 0; k < times_.size(); ++k)
-            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << pad_file(skin.name, k) << "\"/>\n";
+            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << result_file::finger_pad(skin.name, k)
+                << "\"/>\n";
         out << "</Collection></VTKFile>\n";
-        write_file(folder_ / (skin.name + ".pvd"), out.str());
+        write_file(folder_ / result_file::finger_pads(skin.name), out.str());
     }
 }
 
@@ -189,10 +182,10 @@ void write_results(const fs::path& folder, const Simulation& s, const Summary& s
     auto add = [&](const std::string& name) { return folder / name; };
     for (std::size_t i = 0; i < s.fingers.size(); ++i) {
         const std::string& name = s.scene.spec.fingers[i].name;
-        write_nodes(add(name + "_nodes.csv"), s.world, s.fingers[i]);
-        write_pad(add(name + ".vtu"), s.world, s.fingers[i]);
+        write_nodes(add(result_file::finger_nodes(name)), s.world, s.fingers[i]);
+        write_pad(add(result_file::finger_mesh(name)), s.world, s.fingers[i]);
     }
-    for (const SoftObject& o : s.world.soft.all) write_soft(add("object_" + o.skin.name + ".vtu"), s.world, o);
+    for (const SoftObject& o : s.world.soft.all) write_soft(add(result_file::object_mesh(o.skin.name)), s.world, o);
     if (!live)
         for (const NamedSeries& table : tables_of(s)) write_csv(add(table.file), *table.series);
     write_svg(add("plots.svg"), plots_of(s));

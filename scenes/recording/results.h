@@ -24,7 +24,8 @@ void write_pad(const std::filesystem::path& path, const World& world, EntityId f
 void write_nodes(const std::filesystem::path& path, const World& world, EntityId finger);
 
 /// Pads over time for ParaView: NAME_0000.vtu, ... and NAME.pvd per finger, no more often than `rate` per simulated
-/// second, into a folder that exists. Throws as throw_unwritable.
+/// second, into a folder that exists. Throws as throw_unwritable, and as
+/// refuse_colliding_pads.
 class PadSeries {
   public:
     PadSeries(std::filesystem::path folder, double rate);

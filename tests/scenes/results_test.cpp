@@ -1,12 +1,12 @@
 // Results folders: those of one run, complete or as they were.
 
 #include "scenes/recording/results_folder.h"
-#include "scenes/recording/svg.h"
 
 #include <algorithm>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "scenes/load/scene.h"
 #include "scenes/recording/svg.h"
 #include "tests/support.h"
 
@@ -182,6 +182,65 @@ TEST(Results, AFullDiskLeavesNoPartialFileAndIsSaid) {
     EXPECT_EQ(names_in(out), before);
     EXPECT_EQ(read_file(out + "/summary.json"), summary);
     EXPECT_EQ(testing::shell(run + "--duration 0.02 --out /dev/null/x").code, 2);
+}
+
+/// A scene of a body "x", a fixed one "y" and fingers with these names.
+std::string scene_of(const std::vector<std::string>& fingers) {
+    std::string text =
+        "duration_s = 0.02\ndt_ms = 5\n[[object]]\nname = \"x\"\nkind = \"sphere\"\nradius_mm = 5\n"
+        "mass_g = 5\nposition_mm = [0, 0, -50]\n[[object]]\nname = \"y\"\nkind = \"sphere\"\nradius_mm = 5\n"
+        "position_mm = [0, 0, -90]\n";
+    for (std::size_t k = 0; k < fingers.size(); ++k)
+        text += "[[finger]]\nelements = 100\nname = \"" + fingers[k] + "\"\ntrack = [ { t_s = 0, position_mm = [0, " +
+                std::to_string(60 * k) + ", 30] } ]\n";
+    return text;
+}
+
+std::string refusal_of(const std::vector<std::string>& fingers) {
+    try {
+        load_scene_text(scene_of(fingers), "scene.toml");
+        return "";
+    } catch (const InputError& error) { return error.what(); }
+}
+
+TEST(Results, NamesThatWriteOneFileTwiceAreRefused) {
+    EXPECT_EQ(refusal_of({"steps"}),
+              "scene.toml:16:8: finger \"steps\".name: its table would be steps.csv, which is the table of steps: "
+              "rename it");
+    EXPECT_EQ(refusal_of({"object_x"}),
+              "scene.toml:16:8: finger \"object_x\".name: its table would be object_x.csv, which is the table of "
+              "object \"x\": rename it");
+    EXPECT_EQ(refusal_of({"index", "index_nodes"}),
+              "scene.toml:20:8: finger \"index_nodes\".name: its table would be index_nodes.csv, which is the table "
+              "of nodes of finger \"index\": rename it");
+    EXPECT_NE(refusal_of({"index_nodes", "index"}).find("its table of nodes would be index_nodes.csv"),
+              std::string::npos);
+    for (const char* controls : {"a\\u0000b", "a\\tb", "a\\u007f"}) {
+        const std::string said = refusal_of({controls});
+        EXPECT_TRUE(said.starts_with("scene.toml:16:8: finger[0].name: a name is used for files")) << said;
+        EXPECT_EQ(said.find('\0'), std::string::npos);
+    }
+    // Of a fixed object there is no table; other words are as good as ever.
+    EXPECT_EQ(refusal_of({"object_y", "summary", "step", "Steps", "index", "index_node", "d\u00e9"}), "");
+}
+
+TEST(Results, NamesThatArePadsOverTimeAreRefusedWhereThoseAreWritten) {
+    testing::ScratchFolder scratch;
+    const std::string file = (scratch.path / "pads.toml").string(),
+                      run = "run " + file + " --no-picture --out " + (scratch.path / "out").string();
+    write_file(file, scene_of({"index", "index_0001"}));
+    EXPECT_EQ(testing::palpate_program(run + " --record " + file + ".palpate").code, 0);
+    for (const std::string& pads :
+         {run + " --pads-per-second 100", "convert " + file + ".palpate --vtu " + (scratch.path / "pads").string()}) {
+        const auto o = testing::palpate_program(pads);
+        EXPECT_EQ(o.code, 2) << o.out;
+        EXPECT_NE(o.out.find("pads.toml: the mesh of finger \"index_0001\" would be index_0001.vtu, which is one of "
+                             "the pads over time of finger \"index\""),
+                  std::string::npos)
+            << o.out;
+    }
+    write_file(file, scene_of({"index", "index_01", "index_0001x"}));
+    EXPECT_EQ(testing::palpate_program(run + " --pads-per-second 100").code, 0);
 }
 
 }  // namespace
