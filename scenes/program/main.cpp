@@ -1,8 +1,13 @@
 // The program. Exit codes: 0 done, 1 failure inside, 2 input that cannot be used.
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <map>
 
 #include "devices/drivers/last_resort.h"
@@ -62,9 +67,7 @@ int complain(const CLI::App& program, const CLI::ParseError& error, const std::v
     return 2;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run_program(int argc, char** argv) {
     for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) std::signal(signal, request_stop);
     std::signal(SIGPIPE, SIG_IGN);  // whoever read the output is gone: thimbles are still to be brought to rest
     std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large is an error like others
@@ -116,3 +119,24 @@ int main(int argc, char** argv) {
         return 1;
     }
 }
+
+/// Whoever is to read standard output has gone (`| head`): that is their choice, and no failure.
+bool reader_has_gone() {
+    pollfd out{STDOUT_FILENO, POLLOUT, 0};
+    return ::poll(&out, 1, 0) == 1 && (out.revents & (POLLERR | POLLHUP)) != 0;
+}
+
+/// The exit code, once all of standard output is written: what is lost there (a full disk) is said.
+int end_output(int code) {
+    errno = 0;
+    const bool failed = std::fflush(stdout) != 0 || std::ferror(stdout);
+    if (!failed || errno == EPIPE || reader_has_gone()) return code;
+    // Where it failed before, nobody knows why any more: one more byte tells, at the end of what is broken anyway.
+    const bool unknown = errno == 0 && ::write(STDOUT_FILENO, "\n", 1) == 1;
+    std::fprintf(stderr, "standard output: %s\n", unknown ? "not all of it was written" : std::strerror(errno));
+    return code == 0 ? 1 : code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return end_output(run_program(argc, argv)); }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "meshes/input_error.h"
@@ -81,6 +82,15 @@ bool end_recording(RunWriter& record) {
     record.finish();
     if (record.failure().empty()) return true;
     std::fprintf(stderr, "%s; the recording ends there\n", record.failure().c_str());
+    return false;
+}
+
+/// The same of the stream.
+bool end_stream(const RunArguments& a, Stream& stream) {
+    const StreamCounts counts = stream.end();
+    if (!a.quiet && !a.json) std::printf("%s\n", to_text(counts).c_str());
+    if (counts.error == 0) return true;
+    std::fprintf(stderr, "standard output: %s; the stream ends there\n", std::strerror(counts.error));
     return false;
 }
 
@@ -206,8 +216,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
             if (stream) obey(*stream, simulation, inputs, stop);
         });
     progress.clear();
-    if (stream && !a.quiet && !a.json) std::printf("%s\n", to_text(stream->counts()).c_str());
-    stream.reset();
+    const bool stream_failed = stream && !end_stream(a, *stream);
     tell_of_thimbles(a, simulation, stop);
     const bool record_failed = record && !end_recording(*record);
     const Summary summary = summarise(simulation);
@@ -225,7 +234,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         if (!a.quiet && !a.json) std::printf("%s\n", said.c_str());
     }
     if (stop) std::fprintf(stderr, "stopped early at %.3f s\n", simulation.world.time);
-    return stop ? 130 : record_failed ? 1 : 0;
+    return stop ? 130 : record_failed || stream_failed ? 1 : 0;
 }
 
 }  // namespace

@@ -95,6 +95,7 @@ struct Stream::Work {
     std::atomic<std::uint64_t> written{0}, taken{0};  ///< steps ever put in, and taken out
     std::atomic<bool> ending{false}, samples{false}, paused{false}, cut{false}, came{false};
     std::atomic<std::int64_t> told{0}, sent{0}, left_out{0}, commands{0}, wrong{0};
+    std::atomic<int> error{0};
     double next = 0;  ///< simulated time of the next line [s]
     std::mutex lock;  ///< of the commanded poses; the step does not wait for it
     Commanded fingers, objects;
@@ -106,6 +107,10 @@ struct Stream::Work {
     std::thread sender, receiver;
 
     ~Work() {
+        end();
+        if (socket >= 0) close(socket);
+    }
+    void end() {
         ending = true;
         if (sender.joinable()) sender.join();
         if (web) {
@@ -115,7 +120,6 @@ struct Stream::Work {
             web.reset();
         }
         if (receiver.joinable()) receiver.join();
-        if (socket >= 0) close(socket);
     }
 
     void send_all() {
@@ -200,6 +204,7 @@ struct Stream::Work {
             // A pipe that can be written to takes this much at once.
             const ssize_t n = ::write(STDOUT_FILENO, line.data() + at, std::min<std::size_t>(line.size() - at, 4096));
             if (n < 0 && errno != EINTR && errno != EAGAIN) {
+                if (errno != EPIPE) error = errno;
                 cut = true;
                 return false;
             }
@@ -280,9 +285,12 @@ Stream::Stream(const StreamSettings& settings) : work_(std::make_unique<Work>())
         work_->socket = connected_socket(settings.target);
 }
 
-Stream::~Stream() {
-    work_->last_chance = Clock::now() + std::chrono::milliseconds(500);
-    work_.reset();
+Stream::~Stream() { end(); }
+
+StreamCounts Stream::end() {
+    if (!work_->ending) work_->last_chance = Clock::now() + std::chrono::milliseconds(500);
+    work_->end();
+    return counts();
 }
 
 void Stream::tell(const Simulation& s) {
@@ -349,7 +357,7 @@ bool Stream::paused() const {
 
 StreamCounts Stream::counts() const {
     const Work& w = *work_;
-    return {w.told, w.sent, w.left_out, w.commands, w.wrong, w.cut};
+    return {w.told, w.sent, w.left_out, w.commands, w.wrong, w.cut, w.error};
 }
 
 }  // namespace palpate

@@ -27,7 +27,8 @@ struct StreamCounts {
     std::int64_t sent = 0;      ///< lines
     std::int64_t left_out = 0;  ///< steps, because writing took longer
     std::int64_t commands = 0, wrong_commands = 0;
-    bool cut = false;  ///< whoever reads standard output has gone
+    bool cut = false;  ///< whoever reads standard output has gone, or it cannot be written
+    int error = 0;     ///< of the latter, errno
 };
 
 /// In a line, for a person.
@@ -37,7 +38,7 @@ class Stream {
   public:
     /// Throws InputError where there is no such target.
     explicit Stream(const StreamSettings& settings);
-    /// Sends what is waiting, for half a second at most.
+    /// As `end`.
     ~Stream();
     Stream(const Stream&) = delete;
     Stream& operator=(const Stream&) = delete;
@@ -53,6 +54,8 @@ class Stream {
     /// Whether somebody has asked to pause, or the first reader is awaited.
     bool paused() const;
     StreamCounts counts() const;
+    /// Sends what is waiting, for half a second at most. Nothing is told afterwards.
+    StreamCounts end();
 
   private:
     struct Work;

@@ -243,5 +243,26 @@ TEST(Results, NamesThatArePadsOverTimeAreRefusedWhereThoseAreWritten) {
     EXPECT_EQ(testing::palpate_program(run + " --pads-per-second 100").code, 0);
 }
 
+TEST(Program, OutputThatCannotBeWrittenIsSaid) {
+    testing::ScratchFolder scratch;
+    const std::string run =
+        "run " + scenes + "press.toml --duration 0.02 --no-picture --out " + (scratch.path / "out").string();
+    const std::string says = "standard output: No space left on device";
+    for (const std::string& command :
+         {std::string("keys --json-schema"), run + " --json", run + " --stream -", run, std::string("man"),
+          std::string("completion bash"), std::string("device chinello-3rrs --json"),
+          "explain " + scenes + "press.toml", std::string("--version"), std::string("run --help")}) {
+        const auto o = testing::shell("(" + testing::program_path() + " " + command + " > /dev/full)");
+        EXPECT_EQ(o.code, 1) << command << "\n" << o.out;
+        EXPECT_NE(o.out.find(says), std::string::npos) << command << "\n" << o.out;
+    }
+    EXPECT_EQ(testing::palpate_program("run /no/such.toml > /dev/full").code, 2);
+    // Whoever reads no more than the first line has what they want.
+    for (const char* command : {"keys --json-schema", "man", "list scenes"}) {
+        const auto o = testing::shell("(" + testing::program_path() + " " + command + " || echo code $? >&2) | true");
+        EXPECT_EQ(o.out, "") << command;
+    }
+}
+
 }  // namespace
 }  // namespace palpate
