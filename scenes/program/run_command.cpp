@@ -94,10 +94,21 @@ bool end_stream(const RunArguments& a, Stream& stream) {
     return false;
 }
 
+void tell_news(DeadMan& dead_man, Progress& progress) {
+    const std::string news = take_news(dead_man);
+    if (news.empty()) return;
+    progress.clear();
+    std::fprintf(stderr, "%s\n", news.c_str());
+}
+
 /// What thimbles went through, and where they are now: whatever becomes of the results.
-void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, bool stopped) {
+void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, const DeadMan* dead_man, bool stopped) {
     if (!simulation.hardware) return;
     if (!a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
+    if (dead_man && dead_man->counts.held == 0)
+        std::fprintf(stderr, "%s", hold_report(*dead_man).c_str());  // the run was for nothing: that is always said
+    else if (dead_man && !a.quiet && !a.json)
+        std::printf("%s", hold_report(*dead_man).c_str());
     bool at_rest = true;
     const std::string rest = rest_report(simulation, at_rest);
     if (!at_rest || stopped || !a.quiet) std::fprintf(stderr, "%s", rest.c_str());
@@ -200,7 +211,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         simulation, stop,
         [&](const StepInputs& inputs, double share) {
             if (a.arm) rearm_key.look(simulation);
-            if (dead_man) obey_dead_man(*dead_man, simulation);
+            if (dead_man) obey_dead_man(*dead_man, simulation), tell_news(*dead_man, progress);
             scales.record(simulation);
             if (!a.report.empty()) report.record(simulation);
             if (record) record->record(inputs, simulation);
@@ -217,7 +228,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         });
     progress.clear();
     const bool stream_failed = stream && !end_stream(a, *stream);
-    tell_of_thimbles(a, simulation, stop);
+    tell_of_thimbles(a, simulation, dead_man.get(), stop);
     const bool record_failed = record && !end_recording(*record);
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
@@ -271,7 +282,7 @@ Action add_run_command(const Command& program, const std::atomic<bool>& stop) {
     c.flag("--arm", a->arm, "drive real thimbles, in real time; without it nothing moves");
     c.option("--hold", a->hold,
              "with --arm: thimbles move only while this is held: key, joystick:/dev/input/js0[:BUTTON], "
-             "heartbeat:PORT");
+             "heartbeat:PORT (UDP datagrams \"1\" to this machine, ten a second; \"0\", another or none lets go)");
     c.flag("--no-watchdog", a->no_watchdog, "drive controllers that would hold their force if palpate were killed");
     c.flag("--quiet", a->quiet, "print nothing but errors");
     c.flag("--json", a->json, "print the summary as JSON");

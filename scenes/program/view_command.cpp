@@ -191,7 +191,9 @@ struct LiveRun {
         look_at_dead_man();
     }
     void look_at_dead_man() {
-        if (dead_man && simulation->hardware) obey_dead_man(*dead_man, *simulation);
+        if (!dead_man || !simulation->hardware) return;
+        obey_dead_man(*dead_man, *simulation);
+        if (const std::string news = take_news(*dead_man); !news.empty()) std::fprintf(stderr, "%s\n", news.c_str());
     }
     /// A person asks for it: faults are cleared, and what was disarmed since is armed again.
     void rearm() {
@@ -375,6 +377,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     if (live.simulation->hardware) {
         disarm(*live.simulation);
         std::printf("%s%s", hardware_report(*live.simulation).c_str(), rest_report(*live.simulation, at_rest).c_str());
+        if (live.dead_man) std::printf("%s", hold_report(*live.dead_man).c_str());
     }
     if (live.hands) std::printf("%s\n", to_text(live.hands->mailbox.counts()).c_str());
     return live.told_failure ? 1 : 0;
@@ -397,7 +400,7 @@ Action add_view_command(const Command& program, const std::atomic<bool>& stop) {
     c.flag("--arm", a->arm, "drive real thimbles; without it nothing moves");
     c.option("--hold", a->hold,
              "with --arm: thimbles move only while this is held: key, joystick:/dev/input/js0[:BUTTON], "
-             "heartbeat:PORT");
+             "heartbeat:PORT (UDP datagrams \"1\" to this machine, ten a second; \"0\", another or none lets go)");
     c.flag("--no-watchdog", a->no_watchdog, "drive controllers that would hold their force if palpate were killed");
     c.flag("--any-address", a->any_address,
            "let other machines that know the token watch, steer and send hands, too (default: this one only)");

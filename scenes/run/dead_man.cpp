@@ -8,7 +8,9 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <charconv>
+#include <cstdio>
 #include <utility>
 
 #include "devices/loop/clock.h"
@@ -113,9 +115,12 @@ class Heartbeat final : public DeadMan {
     bool held() override {
         const double now = device_clock();
         const bool stale = attention_.lapsed(now);
-        char c;
-        for (int k = 0; k < read_at_once && ::recv(socket_.fd, &c, 1, 0) == 1; ++k)
+        for (int k = 0; k < read_at_once; ++k) {
+            char c = 0;  // of an empty datagram, too
+            if (::recv(socket_.fd, &c, 1, 0) < 0) break;
             last_ = c == '1' && !stale ? now : -1e9;
+            counts.foreign += c != '1' && c != '0';
+        }
         return now - last_ < silence;
     }
 
@@ -134,7 +139,9 @@ bool read_number(const std::string& text, int most, int& out) {
 
 }  // namespace
 
-std::unique_ptr<DeadMan> make_dead_man(const std::string& source) {
+namespace {
+
+std::unique_ptr<DeadMan> open_dead_man(const std::string& source) {
     if (source == "key") return std::make_unique<Key>();
     const std::string kind = source.substr(0, source.find(':')),
                       rest = kind.size() < source.size() ? source.substr(kind.size() + 1) : "";
@@ -151,12 +158,44 @@ std::unique_ptr<DeadMan> make_dead_man(const std::string& source) {
                      "\"");
 }
 
+}  // namespace
+
+std::unique_ptr<DeadMan> make_dead_man(const std::string& source) {
+    std::unique_ptr<DeadMan> dead_man = open_dead_man(source);
+    dead_man->source = source;
+    return dead_man;
+}
+
 void obey_dead_man(DeadMan& dead_man, Simulation& s) {
     const bool held = dead_man.held(), enter = dead_man.take_enter();
+    HoldCounts& c = dead_man.counts;
+    const double now = device_clock(), passed = c.obeyed_at < 0 ? 0 : now - c.obeyed_at;
+    c.watched += passed;
+    if (c.was_held) c.held += passed;
+    c.obeyed_at = now, c.was_held = held;
     for (auto& loop : s.loops) {
         loop->let_go = !held;
         if (enter) loop->rearm_asked = true;
     }
+}
+
+std::string take_news(DeadMan& dead_man) {
+    if (dead_man.counts.foreign == 0 || std::exchange(dead_man.counts.foreign_told, true)) return "";
+    return "--hold " + dead_man.source +
+           ": a datagram says neither 1 (held) nor 0 (let go): thimbles follow while datagrams that begin with 1 come";
+}
+
+std::string hold_report(const DeadMan& dead_man) {
+    const HoldCounts& c = dead_man.counts;
+    char times[80];
+    if (c.held > 0)
+        std::snprintf(times, sizeof times, "held for %.2f s of %.2f s", c.held, c.watched);
+    else
+        std::snprintf(times, sizeof times, "never held in %.2f s: thimbles did not follow", c.watched);
+    return "--hold " + dead_man.source + ": " + times +
+           (c.foreign == 0 ? ""
+                           : "; " + std::to_string(c.foreign) + " datagrams said neither 1 (held) nor 0 (let go)") +
+           "\n";
 }
 
 }  // namespace palpate

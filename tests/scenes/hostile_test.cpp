@@ -305,5 +305,33 @@ TEST(DeadMan, WhatWasSaidWhileNobodyAskedCountsNoMore) {
     EXPECT_FALSE(heart->held());
 }
 
+TEST(DeadMan, HeartbeatsOfOtherWordsAreCountedAndSaidOnce) {
+    const std::string port = std::to_string(20000 + (::getpid() + 1) % 30000);
+    const auto heart = make_dead_man("heartbeat:" + port);
+    Simulation none;
+    UdpSender sender(std::stoi(port));
+    std::mt19937 unused;
+    const auto obeyed = [&](const auto& done) {
+        return testing::eventually([&] {
+            obey_dead_man(*heart, none);
+            return done();
+        });
+    };
+    obey_dead_man(*heart, none);
+    EXPECT_EQ(take_news(*heart), "");
+    sender.send("0", unused);
+    for (const char* word : {"x", "", "held"}) sender.send(word, unused);
+    ASSERT_TRUE(obeyed([&] { return heart->counts.foreign == 3; })) << heart->counts.foreign;
+    EXPECT_NE(take_news(*heart).find("--hold heartbeat:" + port + ": a datagram says neither 1 (held) nor 0 (let go)"),
+              std::string::npos);
+    EXPECT_EQ(take_news(*heart), "");
+    EXPECT_NE(hold_report(*heart).find(": never held in "), std::string::npos) << hold_report(*heart);
+    EXPECT_NE(hold_report(*heart).find("; 3 datagrams said neither"), std::string::npos) << hold_report(*heart);
+    sender.send("1\n", unused);
+    ASSERT_TRUE(obeyed([&] { return heart->counts.held > 0; }));
+    EXPECT_NE(hold_report(*heart).find(": held for "), std::string::npos) << hold_report(*heart);
+    EXPECT_EQ(heart->counts.foreign, 3);
+}
+
 }  // namespace
 }  // namespace palpate
