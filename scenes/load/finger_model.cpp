@@ -110,8 +110,15 @@ void settle_default_mesh(const Section& mesh, FingerModel& m) {
 }
 
 /// What of a mesh does not go together.
-void check_mesh(Section& s, Section& mesh, const FingerModel& m) {
+void check_mesh(Section& s, Section& mesh, Section& material, const FingerModel& m) {
     const FingerMeshRequest& r = m.mesh;
+    if (!mesh.has("patch") && r.patch > 0 && m.spec.material != Material::corotational) {
+        const std::string why = "the mesh has patches (of " + std::to_string(r.patch) +
+                                " elements each), which need corotational tissue; for " +
+                                material_names[std::size_t(m.spec.material)] + ", also say mesh = { patch = 0 }";
+        if (material.has("kind")) return material.complain("kind", why);
+        if (!mesh) return s.complain("mesh", why);
+    }
     if (mesh && r.patch > 0 && m.spec.material != Material::corotational && mesh.sound("patch"))
         mesh.complain("patch", "patches need corotational tissue: material = { kind = \"corotational\" }");
     if (mesh && r.patches_limited.value_or(false) && m.spec.material != Material::corotational && mesh.sound("limits"))
@@ -229,7 +236,8 @@ void read_limits(Section s, FingerSpec& f) {
 }
 
 void read_finger_model(Section& s, const std::filesystem::path& folder, FingerModel& m) {
-    read_material(s.table("material", "What the tissue is made of."), m.spec);
+    Section material = s.table("material", "What the tissue is made of.");
+    read_material(material, m.spec);
     read_limits(s.table("limits", "Bounds on principal stretches; without this table there are none."), m.spec);
     Section shape = s.table("shape", "A parametric finger.");
     read_shape(shape, m.mesh);
@@ -242,7 +250,7 @@ void read_finger_model(Section& s, const std::filesystem::path& folder, FingerMo
     read_layers(s, m.spec, m.layers);
     s.integer("elements", m.mesh.elements, {20, 200000}, "Tetrahedra wanted, of a shape or a scanned surface.");
     settle_default_mesh(mesh, m);
-    check_mesh(s, mesh, m);
+    check_mesh(s, mesh, material, m);
 }
 
 namespace {

@@ -114,11 +114,32 @@ FingerSpec build_as_can_be(FingerModel& m, FingerTemplates& templates, std::stri
     return build_finger(m, templates, note);
 }
 
+/// A coarse mesh is softer than its tissue (mesh.softening): a modulus that is one of tissue may be none of that.
+void check_softened(Section& s, const FingerModel& m, std::size_t elements) {
+    const double by = softened_by(m.mesh.softening, elements), lowest = finger_bounds::young_modulus.low;
+    const auto text = [&](double modulus) {
+        return "expected " + number_text(1.0001 * lowest * by / unit::kPa.si) +
+               " kPa or more, for a mesh of so few elements is made softer (moduli are divided by " + number_text(by) +
+               "; mesh.softening), found " + number_text(modulus / unit::kPa.si);
+    };
+    if (m.spec.young_modulus / by < lowest) {
+        Section material = s.table("material", "");
+        if (material.has("young_kPa")) return material.complain("young_kPa", text(m.spec.young_modulus));
+        return s.complain("material", "young_kPa: " + text(m.spec.young_modulus));
+    }
+    for (const TissueLayer& l : m.layers)
+        for (const double modulus : {l.young_modulus, l.modulus_across()})
+            if (modulus / by < lowest)
+                return s.complain("layer", std::string(modulus == l.young_modulus ? "young_kPa" : "across_kPa") + ": " +
+                                               text(modulus));
+}
+
 /// The finger with its mesh; where there is none, its problems are the section's.
 void add_finger(Section& s, FingerModel m, FingerTemplates& templates, Scene& scene) {
     std::string note;
     try {
         scene.spec.fingers.push_back(build_as_can_be(m, templates, note));
+        check_softened(s, m, scene.spec.fingers.back().mesh.tets.size());
     } catch (const InputError& error) {
         s.complain_as_found(m.mesh.file.empty() ? "shape" : "mesh", error.messages);
         scene.spec.fingers.push_back(m.spec);

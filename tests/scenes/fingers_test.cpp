@@ -293,6 +293,43 @@ TEST(Calibration, RefusesWhatItCannotFit) {
     EXPECT_THROW(calibrate(named("index-median"), data, s, threads, stop, {}), InputError);
 }
 
+/// What is said of a scene whose finger has a preset and these tables.
+std::string refusal_of_preset(const std::string& tables, const std::string& before = "") {
+    try {
+        load_scene_text(
+            "duration_s = 0.1\n" + before + "\n[[finger]]\nname = \"f\"\nfinger = \"index-median\"\n" + tables,
+            "scene.toml");
+        return "";
+    } catch (const InputError& error) { return error.what(); }
+}
+
+TEST(FingerPresets, TissueThatTheirMeshesCannotHaveIsRefusedWithARemedy) {
+    const std::string other = "material = { kind = \"neo-hookean\", young_kPa = 30 }\n";
+    EXPECT_EQ(refusal_of_preset(other),
+              "scene.toml:6:21: finger \"f\".material.kind: the mesh has patches (of 8 elements each), which need "
+              "corotational tissue; for neo-hookean, also say mesh = { patch = 0 }");
+    EXPECT_EQ(refusal_of_preset(other + "mesh = { patch = 0 }\n"), "");
+    EXPECT_EQ(refusal_of_preset("material = { kind = \"corotational\" }\n"), "");
+    // A finger without a preset has patches only where that goes, unless it is said.
+    const std::string shape = "[[finger]]\nname = \"g\"\nshape = { finger = \"index\" }\n" + other;
+    EXPECT_EQ(refusal_of_preset(shape), "");
+    EXPECT_NE(refusal_of_preset(shape, "[mesh]\nkind = \"conforming\"").find("finger \"g\".material.kind: the mesh"),
+              std::string::npos);
+}
+
+TEST(FingerPresets, ModuliThatAreTooSmallOnceSoftenedAreRefusedWithTheirRange) {
+    const std::string low = refusal_of_preset("material = { young_kPa = 0.001 }\n");
+    EXPECT_TRUE(low.starts_with("scene.toml:6:26: finger \"f\".material.young_kPa: expected 0.00125")) << low;
+    EXPECT_NE(low.find(" kPa or more, "), std::string::npos) << low;
+    EXPECT_NE(low.find("mesh.softening), found 0.001"), std::string::npos) << low;
+    EXPECT_EQ(refusal_of_preset("material = { young_kPa = 0.001 }\nmesh = { softening = 0 }\n"), "");
+    const std::string bound = low.substr(low.find("expected ") + 9, 10);
+    EXPECT_EQ(refusal_of_preset("material = { young_kPa = " + bound.substr(0, bound.find(' ')) + " }\n"), "");
+    const std::string layer = refusal_of_preset("[[finger.layer]]\nthickness_mm = 1\nyoung_kPa = 0.001\n");
+    EXPECT_TRUE(layer.starts_with("scene.toml:6:")) << layer;
+    EXPECT_NE(layer.find("finger \"f\".layer: young_kPa: expected 0.00125"), std::string::npos) << layer;
+}
+
 TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     testing::ScratchFolder scratch;
     const std::string at = scratch.path.string();
