@@ -56,7 +56,8 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
 
     const R scale = maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
     const R tolerance = maximum(minimum(R(T(s.tolerance)) * scale, e.residual_cap), rounding);
-    const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, rounding);
+    // Forces that are off by the residual allowed leave as much pending.
+    const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, tolerance);
     const R residual = square_root(e.residual), pending = square_root(e.pending);
     const R gate =
         select(pending > pending_tolerance, maximum(R(T(s.multiplier_gate)) * pending, tolerance), tolerance);
