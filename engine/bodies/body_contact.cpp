@@ -69,7 +69,8 @@ Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const Featur
     const Vec3<double> middle = transform(a, f.point);
     if (f.radius <= 0) return middle;
     Vec3<double> n = surface_at(c, shape, b, middle, c.side).normal;
-    if (shape.kind == ShapeKind::mesh) n = (1 / std::max(norm(n), 1e-6)) * n;  // a smooth field's is of length one nearby
+    if (shape.kind == ShapeKind::mesh)
+        n = (1 / std::max(norm(n), 1e-6)) * n;  // a smooth field's is of length one nearby
     if (dot(f.axis, f.axis) <= 0) return middle - f.radius * n;
     const Mat3<double> R = rotation_matrix(a.rotation);
     const Vec3<double> axis = R * f.axis;

@@ -23,8 +23,8 @@ bool gains(const BodyWork& w, const BodyProgress& b, int body) {
 Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.mass * body.acceleration - b.weight; }
 
 /// Takes a force of the end of the step back by half of the body's turn: what turns with a body that is gripped works
-/// along the chord as the force half way does. At the end a grip of 4 N that turns by 3 degrees has worked by a tenth of
-/// a millijoule, more than what a body of 20 g moves with.
+/// along the chord as the force half way does. At the end a grip of 4 N that turns by 3 degrees has worked by a tenth
+/// of a millijoule, more than what a body of 20 g moves with.
 Mat3<double> half_back(const BodyProgress& b) {
     Quaternion<double> turn = b.pose.rotation * conjugate(b.start.rotation);
     if (turn.w < 0) turn = {-turn.w, -turn.x, -turn.y, -turn.z};
