@@ -273,6 +273,7 @@ ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& 
     c.gap.assign(c.area.size(), 0.0);
     c.pressing.assign(c.area.size(), {0, 0, 0});
     c.outward.assign(c.area.size(), {0, 0, 0});
+    if (mesh.curved_skin) c.bulge.assign(c.area.size(), {0, 0, 0});
     for (const auto& face : mesh.surface) {
         std::array<int, 3> samples;
         bool of_pad = true;

@@ -83,7 +83,8 @@ struct ObjectContact {
 struct ContactSurface {
     std::vector<double> area;                      ///< share of the rest surface [m^2], written at load
     Pose<double> bone = Pose<double>::identity();  ///< finger frame -> world
-    std::vector<Vec3<double>> position;            ///< finger frame [m]
+    std::vector<Vec3<double>> position;            ///< of the nodes, where forces act, finger frame [m]
+    std::vector<Vec3<double>> bulge;               ///< from there to the skin that touches [m]; empty: it is flat
     std::vector<Vec3<double>> force;               ///< on the skin, world frame [N]
     std::vector<Vec3<double>> pressing;            ///< what of it is along the objects' normals, world frame [N]
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O

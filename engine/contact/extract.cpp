@@ -4,6 +4,7 @@
 #include "engine/contact/contact_edge.h"
 #include "engine/contact/crossed_skin.h"
 #include "engine/contact/fitted.h"
+#include "engine/skin/chunks/contact_slots.h"
 #include "engine/skin/solve/fitted.h"
 #include "engine/systems.h"
 
@@ -116,6 +117,18 @@ bool rubs(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
     return dot(friction, friction) > 0;
 }
 
+/// From nodes to the skin that touches, as the solve had it: what of a bulge is along an object's normal made its gap
+/// smaller (set_rise). A dent leaves nodes outside. Where nothing is near, bulges are not found.
+template <class T>
+void read_bulges(const SkinChunk<T>& c, int lane, ContactSurface& out) {
+    const bool found = (near_lanes(c) >> lane) & 1u;
+    const Mat3<double> bone = rotation_matrix(out.bone.rotation);
+    for (std::size_t s = 0; s < out.bulge.size(); ++s) {
+        const Vec3<double> b = transposed_times(bone, read_vec3(c.scratch.bulge, s, c.width, lane));
+        out.bulge[s] = found && dot(b, out.outward[s]) > 0 ? b : Vec3<double>{0, 0, 0};
+    }
+}
+
 void find_outward(ContactSurface& out) {
     std::fill(out.outward.begin(), out.outward.end(), Vec3<double>{0, 0, 0});
     for (const auto& f : out.faces) {
@@ -186,7 +199,8 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
         out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
         out.force[s] = out.pressing[s] = {0, 0, 0};
     }
-    if (slots > 0) find_outward(out);
+    if (slots > 0 || !out.bulge.empty()) find_outward(out);
+    if (!out.bulge.empty()) read_bulges(c, lane, out);
     int pressed_from_inside = 0;
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         const Vec3<double> x = sample_position(c, c.state.position, s, lane);

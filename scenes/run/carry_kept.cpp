@@ -112,7 +112,7 @@ void carry_fingers(World& u, World& v, const Rows& rows) {
         if (const PoseFilter* old = u.pose_filters.find(a.tracker); filter && old) *filter = *old;
         const ContactSurface& seen = u.contact_surfaces[std::size_t(k)];
         ContactSurface& shown = v.contact_surfaces[i];
-        if (seen.position.size() != shown.position.size()) continue;
+        if (seen.position.size() != shown.position.size() || seen.bulge.size() != shown.bulge.size()) continue;
         shown = seen;
         std::erase_if(shown.objects, [&](ObjectContact& c) {
             if (c.object >= 0) c.object = rows.objects[std::size_t(c.object)];

@@ -183,6 +183,7 @@ template <class Archive>
 void exchange(Archive& a, ContactSurface& c) {
     value(a, c.bone, c.rough, c.rough_steps, c.total, c.normal_force, c.touching_area, c.touching);
     array(a, c.position);
+    if (!c.bulge.empty()) array(a, c.bulge);
     array(a, c.force);
     array(a, c.pressing);
     array(a, c.touches);
