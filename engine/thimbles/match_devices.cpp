@@ -40,8 +40,9 @@ void solve_match(const ContactSurface& surface, const DeviceModel& model, const 
     m.result = match_forces(*forces, model, m.settings, m.geometric);
 }
 
-/// Samples as the matching sees them. What presses from beside the pad (a neighbouring finger, the wall of a groove) is
-/// none of the platform's contact: it cannot be there, and would be drawn deep into the pad on its way.
+/// Samples as the matching sees them: where the skin is that touches, which is outside its nodes where it is curved
+/// between them. What presses from beside the pad (a neighbouring finger, the wall of a groove) is none of the
+/// platform's contact: it cannot be there, and would be drawn deep into the pad on its way.
 void read_samples(const ContactSurface& surface, Matching& m) {
     const Eigen::Isometry3d to_device = m.model.mount.inverse();
     const Eigen::Vector3d rest = m.model.mount.linear() * m.model.kind->platform(m.model, m.model.rest).normal;
@@ -51,7 +52,7 @@ void read_samples(const ContactSurface& surface, Matching& m) {
         std::accumulate(surface.area.begin(), surface.area.end(), 0.0) / double(surface.area.size());
     m.beside_N = 0;
     for (std::size_t s = 0; s < surface.position.size(); ++s) {
-        const Vec3<double>& p = surface.position[s];
+        const Vec3<double> p = surface.bulge.empty() ? surface.position[s] : surface.position[s] + surface.bulge[s];
         m.points[s].position = to_device * Eigen::Vector3d(p.x, p.y, p.z);
         const double force = norm(surface.pressing[s]);
         const bool beside =
