@@ -181,7 +181,8 @@ std::string refusal(const std::vector<std::string>& settings, const std::string&
 TEST(Keys, APairHasOneFriction) {
     const std::string things =
                           "[[object]]\nname = \"a\"\n[[object]]\nname = \"b\"\nkind = \"box\"\nsize_mm = [9, 9, 9]\n"
-                          "position_mm = [0, 0, 90]\nmass_g = 3\n",
+                          "position_mm = [0, 0, 90]\nmass_g = 3\n"
+                          "[[finger]]\nelements = 60\ntrack = [ { t_s = 0, position_mm = [300, 0, 90] } ]\n",
                       pair = "[[friction]]\nfirst = \"a\"\nsecond = \"b\"\ncoefficient = 0.1\n",
                       turned = "[[friction]]\nfirst = \"b\"\nsecond = \"a\"\ncoefficient = 1\n";
     EXPECT_EQ(refusal({}, things + pair), "");
