@@ -3,6 +3,7 @@
 #include "engine/ecs/table.h"
 #include "engine/math/svd3.h"
 #include "engine/skin/factor/supernode_cholesky.h"
+#include "engine/skin/solve/progress.h"
 #include "engine/skin/tissue/isotropic.h"
 #include "tests/engine/matrices.h"
 #include "tests/support.h"
@@ -160,6 +161,30 @@ TEST(BlockCholesky, CountsPivotsThatAreNotPositive) {
     LaneArray<double> factor(9, 0.0);
     EXPECT_EQ(factor_blocks<double>(pattern, block.data(), factor.data()), 1);
     for (double x : factor) EXPECT_TRUE(std::isfinite(x));
+}
+
+TEST(LineSearch, EndsAtTheLowestPointOfAParabolaAndIsTakenBackWhereThatIsHigherStill) {
+    // Energy along the step: -a until a limit wakes, which is at once, then 500 a^2 more: lowest at a = 0.001.
+    auto energy = [](double a, double stiffness) { return -a + stiffness * a * a; };
+    for (const bool parabola : {true, false}) {
+        auto p = detail::begin_progress<double>(true);
+        p.base_energy = 0, p.base_residual = 1, p.slope = -1, p.alpha = 1;
+        Evaluation<double> e;
+        e.residual = 2;  // no better, either
+        int tried = 0;
+        for (; tried < 20; ++tried) {
+            // What rises otherwise than it seemed is of no use there.
+            e.energy = parabola || p.alpha > 0.01 ? energy(p.alpha, 500) : std::sqrt(p.alpha);
+            if (p.alpha == 0) e.energy = 0;
+            const auto d = detail::decide<double>(e, 0, {}, p);
+            if (!d.retry) break;
+            detail::shorten_steps<double>(p, d, e);
+        }
+        EXPECT_EQ(tried, parabola ? 7 : 8);
+        EXPECT_NEAR(p.alpha, parabola ? 0.001 : 0, 1e-12);
+        EXPECT_EQ(p.uphill, parabola ? 0 : 1);
+        EXPECT_FALSE(p.failed);
+    }
 }
 
 TEST(Lanes, ArithmeticAndMasks) {
