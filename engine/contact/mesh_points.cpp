@@ -104,7 +104,7 @@ void set_points(DistanceMesh& mesh) {
         }
     }
     const std::size_t corners = mesh.balls.size();
-    for (int i : spread_out(candidates, corners, 2 * most, std::max(0.08 * norm(size), 4 * r)))
+    for (int i : spread_out(candidates, corners, 2 * most, std::max(0.04 * norm(size), 4 * r)))
         if (std::size_t(i) >= corners) mesh.balls.push_back({candidates[std::size_t(i)], r});
 }
 
