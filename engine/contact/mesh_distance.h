@@ -26,15 +26,14 @@ struct DistanceMesh {
     std::vector<Node> nodes;
     /// Exact distance and nearest triangle at the centres of a grid of cells. Quadratic B-splines over the distances
     /// are the smooth field; an exact search starts with the triangle.
-    struct Cell {
-        float distance;
-        int triangle;
-    };
+    struct Grid {
+        std::vector<float> distance;  ///< [m]
+        std::vector<int> triangle;
+    } grid;
     bool smooth = true;
     std::array<int, 3> cells{0, 0, 0};
     Vec3<double> grid_low{0, 0, 0};
     double cell = 0;  ///< edge [m]
-    std::vector<Cell> grid;
     /// Where walls are thinner than cells resolve: finer cells, in bricks of 8x8x8 near the surface; exact distances
     /// where those are too coarse, too. In between the fields are blended.
     struct Fine {

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "engine/contact/fitted.h"
 
@@ -34,40 +35,50 @@ struct Spline {
         : weight{0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t)},
           slope{t - 0.5, -2 * t, t + 0.5} {}
 };
+/// Three numbers along x, two of them in a register.
+struct Row {
+    using Pair = double __attribute__((vector_size(16)));
+    Pair pair;
+    double last;
+};
+/// From floats that follow each other.
+Row row_at(const float* first) {
+    using Floats = float __attribute__((vector_size(8)));
+    Floats pair;
+    std::memcpy(&pair, first, sizeof pair);
+    return {__builtin_convertvector(pair, Row::Pair), first[2]};
+}
+Row weighted(const Row* v, const std::array<double, 3>& w) {
+    return {w[0] * v[0].pair + w[1] * v[1].pair + w[2] * v[2].pair,
+            w[0] * v[0].last + w[1] * v[1].last + w[2] * v[2].last};
+}
+double sum(const Row& v, const std::array<double, 3>& w) { return w[0] * v.pair[0] + w[1] * v.pair[1] + w[2] * v.last; }
+
 /// Quadratic B-splines over 3x3x3 cells: once continuously differentiable, exact where the distance is linear.
-/// row(i, j, k): value of a cell. `away`: from the middle cell's centre [cells]. Second derivatives where the value is
-/// less than `band` from zero; else they are left at zero.
-template <class Row>
-SampledField spline_field(const Vec& away, double cell, double band, Row row) {
+/// row(j, k): values of three cells along x. `away`: from the middle cell's centre [cells]; `per_cell`: one over its
+/// edge [1/m]. Second derivatives where the value is less than `band` from zero; else they are left at zero.
+template <class RowOf>
+SampledField spline_field(const Vec& away, double per_cell, double band, RowOf row) {
     const Spline x(away.x), y(away.y), z(away.z);
-    std::array<double, 9> value, along, bent;
-    for (int k = 0; k < 3; ++k)
-        for (int j = 0; j < 3; ++j) {
-            const std::array<double, 3> v{row(0, j, k), row(1, j, k), row(2, j, k)};
-            value[3 * k + j] = x.weight[0] * v[0] + x.weight[1] * v[1] + x.weight[2] * v[2];
-            along[3 * k + j] = x.slope[0] * v[0] + x.slope[1] * v[1] + x.slope[2] * v[2];
-            bent[3 * k + j] = v[0] - 2 * v[1] + v[2];
-        }
-    auto sum = [](const std::array<double, 9>& v, const std::array<double, 3>& in_y,
-                  const std::array<double, 3>& in_z) {
-        double all = 0;
-        for (int k = 0; k < 3; ++k)
-            all += in_z[k] * (in_y[0] * v[3 * k] + in_y[1] * v[3 * k + 1] + in_y[2] * v[3 * k + 2]);
-        return all;
-    };
-    SampledField f{
-        sum(value, y.weight, z.weight),
-        (1 / cell) * Vec{sum(along, y.weight, z.weight), sum(value, y.slope, z.weight), sum(value, y.weight, z.slope)},
-        Mat3<double>::zero()};
-    if (!(std::abs(f.value) < band)) return f;
     constexpr std::array<double, 3> bend{1, -2, 1};
-    const double scale = 1 / (cell * cell);
+    // Along y, then z, then x: by weights, slopes and second differences.
+    Row value[3], slope[3], bent[3];  // [k]
+    for (int k = 0; k < 3; ++k) {
+        const Row v[3] = {row(0, k), row(1, k), row(2, k)};
+        value[k] = weighted(v, y.weight), slope[k] = weighted(v, y.slope), bent[k] = weighted(v, bend);
+    }
+    const Row at = weighted(value, z.weight), in_y = weighted(slope, z.weight), in_z = weighted(value, z.slope);
+    SampledField f{sum(at, x.weight), per_cell * Vec{sum(at, x.slope), sum(in_y, x.weight), sum(in_z, x.weight)},
+                   Mat3<double>::zero()};
+    if (!(std::abs(f.value) < band)) return f;
+    const double scale = per_cell * per_cell;
     Mat3<double>& h = f.hessian;
-    h[0][0] = scale * sum(bent, y.weight, z.weight);
-    h[1][1] = scale * sum(value, bend, z.weight), h[2][2] = scale * sum(value, y.weight, bend);
-    h[0][1] = h[1][0] = scale * sum(along, y.slope, z.weight);
-    h[0][2] = h[2][0] = scale * sum(along, y.weight, z.slope);
-    h[1][2] = h[2][1] = scale * sum(value, y.slope, z.slope);
+    h[0][0] = scale * sum(at, bend);
+    h[1][1] = scale * sum(weighted(bent, z.weight), x.weight);
+    h[2][2] = scale * sum(weighted(value, bend), x.weight);
+    h[0][1] = h[1][0] = scale * sum(in_y, x.slope);
+    h[0][2] = h[2][0] = scale * sum(in_z, x.slope);
+    h[1][2] = h[2][1] = scale * sum(weighted(slope, z.slope), x.weight);
     return f;
 }
 
@@ -91,22 +102,32 @@ std::size_t coarse_cell(const DistanceMesh& mesh, const Vec& x, Vec& away) {
     return index_of(cell_of(x, mesh.grid_low, mesh.cell, mesh.cells, away), mesh.cells);
 }
 
-/// Whether the field's 3x3x3 cells around x are all there.
-bool inside_grid(const DistanceMesh& mesh, const Vec& x) {
+/// Where the smooth field is asked for.
+struct Place {
+    std::size_t cell;  ///< of the coarse grid
+    Vec away;          ///< from its centre [cells]
+    double per_cell;   ///< one over its edge [1/m]
+};
+/// False where the field's 3x3x3 cells around x are not all there.
+bool find_place(const DistanceMesh& mesh, const Vec& x, Place& place) {
+    place.per_cell = 1 / mesh.cell;
+    const Vec relative = place.per_cell * (x - mesh.grid_low);
+    std::array<int, 3> at;
     for (int d = 0; d < 3; ++d) {
-        const double at = (x[d] - mesh.grid_low[d]) / mesh.cell;
-        if (!(at >= 1 && at < mesh.cells[d] - 1)) return false;
+        if (!(relative[d] >= 1 && relative[d] < mesh.cells[d] - 1)) return false;
+        at[d] = int(relative[d]);
+        place.away[d] = relative[d] - (at[d] + 0.5);
     }
+    place.cell = index_of(at, mesh.cells);
     return true;
 }
 
-/// Splines over what value(index of a cell) says of the coarse grid's cells.
-template <class Value>
-SampledField coarse_field(const DistanceMesh& mesh, std::size_t middle, const Vec& away, double band, Value value) {
+/// Splines over what row(index of a cell) says of the three cells of the coarse grid from there along x.
+template <class RowOf>
+SampledField coarse_field(const DistanceMesh& mesh, const Place& place, double band, RowOf row) {
     const std::size_t up = std::size_t(mesh.cells[0]), deep = up * mesh.cells[1];
-    const std::size_t first = middle - deep - up - 1;
-    return spline_field(away, mesh.cell, band,
-                        [&](int i, int j, int k) { return double(value(first + k * deep + j * up + i)); });
+    const std::size_t first = place.cell - deep - up - 1;
+    return spline_field(place.away, place.per_cell, band, [&](int j, int k) { return row(first + k * deep + j * up); });
 }
 
 SampledField exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
@@ -120,7 +141,8 @@ constexpr int brick_cells = 8, brick_edge = brick_cells + 2;  ///< a brick knows
 SampledField fine_field(const DistanceMesh& mesh, const Vec& x, double band, int guess) {
     const Fine& fine = mesh.fine;
     if (fine.cell <= 0) return exact_field(mesh, x, guess);
-    const Vec relative = (1 / fine.cell) * (x - mesh.grid_low);
+    const double per_cell = 1 / fine.cell;
+    const Vec relative = per_cell * (x - mesh.grid_low);
     std::array<int, 3> cell, brick;
     Vec away;
     for (int d = 0; d < 3; ++d) {
@@ -133,8 +155,8 @@ SampledField fine_field(const DistanceMesh& mesh, const Vec& x, double band, int
     const int index = fine.brick[index_of(brick, fine.bricks)];
     if (index < 0) return exact_field(mesh, x, guess);
     const float* first = &fine.distance[std::size_t(index) * brick_edge * brick_edge * brick_edge];
-    return spline_field(away, fine.cell, band, [&](int i, int j, int k) {
-        return double(first[((cell[2] + k) * brick_edge + cell[1] + j) * brick_edge + cell[0] + i]);
+    return spline_field(away, per_cell, band, [&](int j, int k) {
+        return row_at(&first[((cell[2] + k) * brick_edge + cell[1] + j) * brick_edge + cell[0]]);
     });
 }
 
@@ -149,40 +171,39 @@ SampledField blend(const SampledField& a, const SampledField& b, const SampledFi
 
 /// Near the surface, distance over the length of its gradient: smoothing makes that shorter than one at rims and thin
 /// walls, and a force along it would not be as large as its multiplier says. psi = phi (1 + w q): w falls from one at
-/// the surface to zero `band` away from it, q = 1 / sqrt(m) - 1 with m = |grad phi|^2, which short gradients do not let
-/// vanish. The normal is the gradient of psi, of length one where psi = 0.
-MeshPoint of_unit_slope(const SampledField& f, double band) {
-    const double u = f.value / band;
+/// the surface to zero 1 / `per_band` away from it, q = 1 / sqrt(m) - 1 with m = |grad phi|^2, which short gradients do
+/// not let vanish. The normal is the gradient of psi, of length one where psi = 0.
+MeshPoint of_unit_slope(const SampledField& f, double per_band) {
+    const double u = f.value * per_band;
     if (!(std::abs(u) < 1)) return {f.value, f.gradient};
     constexpr double least = least_gradient2;
     const double s = dot(f.gradient, f.gradient);
     const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
-    const double q = 1 / std::sqrt(m) - 1, dq = -0.5 * dm / (m * std::sqrt(m));
-    const double w = (1 - u * u) * (1 - u * u), dw = -4 * u * (1 - u * u) / band;
+    const double inverse = 1 / std::sqrt(m), q = inverse - 1, dq = -0.5 * dm * inverse * inverse * inverse;
+    const double w = (1 - u * u) * (1 - u * u), dw = -4 * u * (1 - u * u) * per_band;
     return {f.value * (1 + w * q),
             (1 + w * q + f.value * dw * q) * f.gradient + (2 * f.value * w * dq) * (f.hessian * f.gradient)};
 }
 
-MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x) {
-    Vec away;
-    const std::size_t middle = coarse_cell(mesh, x, away);
-    const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[middle];
-    const double band = 0.5 * mesh.cell, all = 1e300;
+MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x, const Place& place) {
+    const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[place.cell];
+    const double band = 0.5 * mesh.cell, per_band = 2 * place.per_cell, all = 1e300;
     auto coarse = [&](double within) {
-        return coarse_field(mesh, middle, away, within, [&](auto i) { return mesh.grid[i].distance; });
+        return coarse_field(mesh, place, within, [&](auto i) { return row_at(&mesh.grid.distance[i]); });
     };
     auto share = [&](unsigned char mark) {
-        return coarse_field(mesh, middle, away, all, [&](auto i) { return (mesh.fine.wall[i] & mark) != 0; });
+        auto has = [&](auto i) { return double((mesh.fine.wall[i] & mark) != 0); };
+        return coarse_field(mesh, place, all, [&](auto i) { return Row{Row::Pair{has(i), has(i + 1)}, has(i + 2)}; });
     };
-    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(band), band);
-    const int guess = mesh.grid[middle].triangle;
+    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(band), per_band);
+    const int guess = mesh.grid.triangle[place.cell];
     const bool mixed = !(kind & Fine::all_thin) || (kind & Fine::some_thinnest);
     SampledField at =
         kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
     if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
         at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
     if (!(kind & Fine::all_thin)) at = blend(coarse(all), at, share(Fine::thin));
-    return of_unit_slope(at, band);
+    return of_unit_slope(at, per_band);
 }
 
 void set_grid(DistanceMesh& mesh, double smoothing) {
@@ -200,13 +221,15 @@ void set_grid(DistanceMesh& mesh, double smoothing) {
         mesh.grid_low[d] = box[0][d] - margin;
         mesh.cells[d] = int(std::ceil((box[1][d] - box[0][d] + 2 * margin) / mesh.cell));
     }
-    std::vector<DistanceMesh::Cell> grid;
-    grid.reserve(std::size_t(mesh.cells[0]) * mesh.cells[1] * mesh.cells[2]);
+    DistanceMesh::Grid grid;
+    const std::size_t count = std::size_t(mesh.cells[0]) * mesh.cells[1] * mesh.cells[2];
+    grid.distance.reserve(count), grid.triangle.reserve(count);
     for (int k = 0; k < mesh.cells[2]; ++k)
         for (int j = 0; j < mesh.cells[1]; ++j)
             for (int i = 0; i < mesh.cells[0]; ++i) {
                 const Found f = nearest_triangle(mesh, mesh.grid_low + mesh.cell * Vec{i + 0.5, j + 0.5, k + 0.5}, 0);
-                grid.push_back({float(signed_point(mesh, f).distance), f.triangle});
+                grid.distance.push_back(float(signed_point(mesh, f).distance));
+                grid.triangle.push_back(f.triangle);
             }
     mesh.grid = std::move(grid);
 }
@@ -260,9 +283,9 @@ bool choose_bricks(DistanceMesh& mesh, std::vector<Vec>& corners) {
                 const Vec low = mesh.grid_low + edge * Vec{double(i), double(j), double(k)};
                 const Vec middle = low + 0.5 * edge * Vec{1, 1, 1};
                 Vec away;
-                const DistanceMesh::Cell& near = mesh.grid[coarse_cell(mesh, middle, away)];
+                const std::size_t near = coarse_cell(mesh, middle, away);
                 const double reach = 0.87 * edge + 2 * fine.cell;
-                if (std::abs(near.distance) > reach + mesh.cell * norm(away)) continue;
+                if (std::abs(mesh.grid.distance[near]) > reach + mesh.cell * norm(away)) continue;
                 bool thin = false, resolved = false;  // in some cell that the brick reaches into
                 const int around = int(std::ceil(0.5 * edge / mesh.cell));
                 for_each_neighbour(mesh, cell_of(middle, mesh.grid_low, mesh.cell, mesh.cells, away), around,
@@ -271,7 +294,7 @@ bool choose_bricks(DistanceMesh& mesh, std::vector<Vec>& corners) {
                                        resolved |= !(mesh.fine.wall[n] & Fine::all_thinnest);
                                    });
                 if (!thin || !resolved) continue;
-                const MeshPoint exact = signed_point(mesh, nearest_triangle(mesh, middle, near.triangle));
+                const MeshPoint exact = signed_point(mesh, nearest_triangle(mesh, middle, mesh.grid.triangle[near]));
                 const Vec& n = exact.normal;  // as wide as the brick is along it
                 const double half = 0.5 * edge * (std::abs(n.x) + std::abs(n.y) + std::abs(n.z)) + 2 * fine.cell;
                 if (std::abs(exact.distance) > half) continue;
@@ -309,7 +332,7 @@ void refine_walls(DistanceMesh& mesh) {
     Fine& fine = mesh.fine;
     fine.thinnest_wall = walls[walls.size() / 100].thickness;
     fine.cell = walls[walls.size() / 4].thickness / well_resolved;
-    fine.wall.assign(mesh.grid.size(), 0);
+    fine.wall.assign(mesh.grid.distance.size(), 0);
     mark(mesh, walls, 1e300, Fine::thin);
     mark(mesh, walls, resolved * fine.cell, Fine::thinnest);
     summarise_marks(mesh);
@@ -330,24 +353,24 @@ void build_field(DistanceMesh& mesh, double smoothing) {
 MeshPoint mesh_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
     if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
     Vec away;
-    return signed_point(mesh, nearest_triangle(mesh, x, mesh.grid[coarse_cell(mesh, x, away)].triangle));
+    return signed_point(mesh, nearest_triangle(mesh, x, mesh.grid.triangle[coarse_cell(mesh, x, away)]));
 }
 
 MeshPoint mesh_contact_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
     if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
-    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
+    if (Place place; mesh.smooth && find_place(mesh, x, place)) return smooth_point(mesh, x, place);
     Vec away;
-    const DistanceMesh::Cell& cell = mesh.grid[coarse_cell(mesh, x, away)];
-    const double least = cell.distance - mesh.cell * norm(away) - 1e-6;
+    const std::size_t cell = coarse_cell(mesh, x, away);
+    const double least = mesh.grid.distance[cell] - mesh.cell * norm(away) - 1e-6;
     if (least > contact_band) {
         const double length = norm(away);
         return {least, length > 0 ? (1 / length) * away : Vec{0, 0, 1}};
     }
-    return signed_point(mesh, nearest_triangle(mesh, x, cell.triangle));
+    return signed_point(mesh, nearest_triangle(mesh, x, mesh.grid.triangle[cell]));
 }
 
 MeshPoint mesh_surface_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
-    if (mesh.smooth && inside_grid(mesh, x)) return smooth_point(mesh, x);
+    if (Place place; mesh.smooth && find_place(mesh, x, place)) return smooth_point(mesh, x, place);
     return mesh_distance(mesh, x);
 }
 
