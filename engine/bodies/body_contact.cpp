@@ -27,69 +27,125 @@ std::vector<Feature> features_of(const Shape& shape, bool against_planes) {
         case ShapeKind::plane:
             break;
         case ShapeKind::box: {
+            if (against_planes) {
+                for (double x : {-s.x, s.x})
+                    for (double y : {-s.y, s.y})
+                        for (double z : {-s.z, s.z}) out.push_back({{x, y, z}, 0, {0, 0, 0}, {0, 0, 0}});
+                break;
+            }
             // Corners are round, by a little: where boxes of one size lie flush, sharp corners would sit on edges, from
             // where up is no nearer than out.
-            const double r = std::min(1e-3, 0.05 * std::min({s.x, s.y, s.z}));
+            const double r = std::min(fitted::corner_radius, 0.02 * std::min({s.x, s.y, s.z}));
             const Vec3<double> c{s.x - r, s.y - r, s.z - r};
             for (int i = -1; i <= 1; ++i)
                 for (int j = -1; j <= 1; ++j)
                     for (int k = -1; k <= 1; ++k)
-                        if (i || j || k) out.push_back({{i * c.x, j * c.y, k * c.z}, r, {0, 0, 0}, 0});
+                        if (i || j || k) {
+                            const bool edge = i * i + j * j + k * k == 2;
+                            out.push_back({{i * c.x, j * c.y, k * c.z}, r, {0, 0, 0}, {0, 0, 0}});
+                            if (edge) out.back().along = {i ? 0 : c.x, j ? 0 : c.y, k ? 0 : c.z};
+                        }
             break;
         }
         case ShapeKind::sphere:
-            out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, 0});
+            out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, {0, 0, 0}});
             break;
         case ShapeKind::capsule:
-            for (double z : along_axis(s.y, s.x, 1)) out.push_back({{0, 0, z}, s.x, {0, 0, 0}, 0});
+            for (double z : along_axis(s.y, s.x, 1)) out.push_back({{0, 0, z}, s.x, {0, 0, 0}, {0, 0, 0}});
+            if (!against_planes) out.push_back({{0, 0, 0}, s.x, {0, 0, 0}, {0, 0, s.y}});
             break;
         case ShapeKind::cylinder:
             // A disc in the middle, too: those at the ends of two that stand beside each other are flush with both.
             for (double z : along_axis(s.y, s.x, 2))
-                if (std::abs(z) < s.y) out.push_back({{0, 0, z}, s.x, {0, 0, 1}, 0});
-            for (double end : {-s.y, s.y})
+                if (std::abs(z) < s.y) out.push_back({{0, 0, z}, s.x, {0, 0, 1}, {0, 0, 0}});
+            if (!against_planes) out.push_back({{0, 0, 0}, s.x, {0, 0, 1}, {0, 0, s.y}});
+            // Of an end that lies flush no point of the rim is deepest, but the middle is as deep as three more, where
+            // rubbing brakes its spin as all of the disc would (3/4 of the load at 8/9 of the radius).
+            for (double end : {-s.y, s.y}) {
+                out.push_back({{0, 0, end}, s.x, {0, 0, 1}, {0, 0, 0}});
                 for (double angle : {0.0, 2.0943951023931953, -2.0943951023931953})
-                    out.push_back({{0, 0, end}, s.x, {0, 0, 1}, angle});
+                    out.push_back(
+                        {(8 * s.x / 9) * Vec3<double>{std::cos(angle), std::sin(angle), 0}, 0, {0, 0, 0}, {0, 0, 0}}),
+                        out.back().point.z = end;
+            }
             break;
         case ShapeKind::mesh:
             if (against_planes)
-                for (const Vec3<double>& p : shape.mesh->support) out.push_back({p, 0, {0, 0, 0}, 0});
+                for (const Vec3<double>& p : shape.mesh->support) out.push_back({p, 0, {0, 0, 0}, {0, 0, 0}});
             else
-                for (const DistanceMesh::Ball& b : shape.mesh->balls) out.push_back({b.centre, b.radius, {0, 0, 0}, 0});
+                for (const DistanceMesh::Ball& b : shape.mesh->balls)
+                    out.push_back({b.centre, b.radius, {0, 0, 0}, {0, 0, 0}});
             break;
     }
     return out;
 }
 
-namespace {
-
-/// The point of a feature that is deepest in b, world.
-Vec3<double> deepest_point(const Feature& f, const Pose<double>& a, const FeatureContact& c, const Shape& shape,
-                           const Pose<double>& b) {
-    const Vec3<double> middle = transform(a, f.point);
-    if (f.radius <= 0) return middle;
-    Vec3<double> n = surface_at(c, shape, b, middle, c.side).normal;
-    if (shape.kind == ShapeKind::mesh)
-        n = (1 / std::max(norm(n), 1e-6)) * n;  // a smooth field's is of length one nearby
-    if (dot(f.axis, f.axis) <= 0) return middle - f.radius * n;
-    const Mat3<double> R = rotation_matrix(a.rotation);
-    const Vec3<double> axis = R * f.axis;
-    Vec3<double> out = n - dot(n, axis) * axis;
-    double length = norm(out);
-    if (length < 1e-9) {  // it stands upright: any three points of the rim do
-        out = cross(axis, std::abs(f.axis.x) < 0.5 ? R.column(0) : R.column(1));
-        length = norm(out);
+Touch touch_of(const Feature& f, const Pose<double>& a, const FeatureContact& c, const Shape& shape,
+               const Pose<double>& b, int side) {
+    const Vec3<double> middle = transform(a, f.point + c.place * f.along);
+    Touch out{middle, surface_at(c, shape, b, middle, side)};
+    if (f.radius <= 0) return out;
+    const Vec3<double> n = (1 / std::max(norm(out.surface.normal), 1e-6)) * out.surface.normal;
+    if (dot(f.axis, f.axis) > 0) {
+        const Vec3<double> axis = rotation_matrix(a.rotation) * f.axis, across = n - dot(n, axis) * axis;
+        const double tilt = norm(across), least = std::min(tilt, c.blunt);
+        out.point = middle - (f.radius / std::max(tilt, c.blunt)) * across;
+        out.surface = surface_at(c, shape, b, out.point, side);
+        out.surface.distance += f.radius * least * least / (2 * c.blunt);
+        return out;
     }
-    out = (1 / length) * out;
-    const Vec3<double> turned = std::cos(f.angle) * out + std::sin(f.angle) * cross(axis, out);
-    return middle - f.radius * turned;
+    out.point = middle - f.radius * n;
+    out.surface.distance -= f.radius;
+    return out;
 }
 
-/// What touches at the start of a step.
-void touch_at_start(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c) {
-    const Vec3<double> point = deepest_point(f, a.start, c, *b.shape, b.start);
-    c.point_of_a = inverse_transform(a.start, point);
-    c.point_of_b = inverse_transform(b.start, point);
+namespace {
+
+/// Where an edge is deepest in b, that was at `place` in the last step: near there, as on what is round, or elsewhere
+/// if that is deeper by more than what tells one end of a face that it lies on from the other. Distances of convex
+/// objects are convex along it.
+double deepest_place(const Feature& f, const FeatureContact& c, const Pose<double>& a, const Shape& shape,
+                     const Pose<double>& b) {
+    using namespace fitted;
+    auto distance = [&](double place) {
+        return surface_at(c, shape, b, transform(a, f.point + place * f.along), 0).distance;
+    };
+    const double here = distance(c.place);
+    if (here - f.radius > (1 + std::abs(c.place)) * norm(f.along) + near_gap) return c.place;
+    const int gaps = shape.kind == ShapeKind::mesh ? 16 : 4;
+    double least = here, low = c.place, high = c.place;
+    for (int i = 0; i <= gaps; ++i) {
+        const double place = 2.0 * i / gaps - 1, d = distance(place);
+        if (d < least - edge_depth) least = d, low = place - 2.0 / gaps, high = place + 2.0 / gaps;
+    }
+    if (!(low < high)) low = c.place - 2.0 / gaps, high = c.place + 2.0 / gaps;
+    low = std::max(low, -1.0), high = std::min(high, 1.0);
+    for (int i = 0; i < edge_sections; ++i) {
+        const double first = low + 0.382 * (high - low), second = low + 0.618 * (high - low);
+        (distance(first) < distance(second) ? high : low) = distance(first) < distance(second) ? second : first;
+    }
+    const double found = 0.5 * (low + high);
+    const bool is_near = std::abs(found - c.place) * norm(f.along) < edge_follows;
+    return is_near || distance(found) < here - edge_depth ? found : c.place;
+}
+
+/// What touches in a step, and how it slips along the way that bodies would take without each other: where a ball
+/// rolls, another point in every instant. The slip is that of what is at the contact half way through, by the step's
+/// Cayley turn (rotation_step): of a point that stays the same one exactly the way that it goes, and of a ball that
+/// rolls zero.
+void touch_in_step(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c) {
+    const Vec3<double> there = touch_of(f, a.pose, c, *b.shape, b.pose, c.side).point;
+    const Vec3<double> before = inverse_transform(b.start, touch_of(f, a.start, c, *b.shape, b.start, c.side).point);
+    const Vec3<double> now = inverse_transform(b.pose, there), centre = inverse_transform(b.pose, a.centre),
+                       centre_before =
+                           inverse_transform(b.start, transform(a.start, inverse_transform(a.pose, a.centre)));
+    const Quaternion<double> turn =
+        (conjugate(b.pose.rotation) * a.pose.rotation) * conjugate(conjugate(b.start.rotation) * a.start.rotation);
+    const double w = std::max(std::abs(turn.w), fitted::least_turn_cosine);
+    const Vec3<double> cayley = ((turn.w < 0 ? -2 : 2) / w) * turn.vector();
+    const Vec3<double> slip = centre - centre_before + cross(cayley, 0.5 * ((before - centre_before) + (now - centre)));
+    c.point_of_a = inverse_transform(a.pose, there);
+    c.point_of_b = now - slip;
 }
 
 /// A way out of an object: its face there, in its frame.
@@ -114,21 +170,62 @@ std::array<Face, 6> faces_of(const Shape& shape, const Vec3<double>& x) {
     return faces;
 }
 
+/// Where a step would carry a feature through an object, or past its middle, the face that it meets first is the
+/// object's surface for this step: the plane through the point that is met, which moves with that point and does not
+/// turn, so that what is round is not turned by it. (Boxes and ends of discs remember their sides instead.)
+void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c,
+                        double travel) {
+    if (b.shape->kind == ShapeKind::plane || c.side != 0 || travel < fitted::least_crossing) return;
+    const Vec3<double> point = f.point + c.place * f.along;
+    const Vec3<double> from = inverse_transform(b.start, transform(a.start, point)),
+                       way = inverse_transform(b.pose, transform(a.pose, point)) - from;
+    const Vec3<double> axis =
+        transposed_times(rotation_matrix(b.start.rotation), rotation_matrix(a.start.rotation) * f.axis);
+    const Pose<double> own{{0, 0, 0}, Quaternion<double>::identity()};
+    auto gap = [&](const SurfacePoint<double>& at) {
+        return at.distance - f.radius * norm(at.normal - dot(at.normal, axis) * axis);
+    };
+    SurfacePoint<double> met = surface_point(*b.shape, own, from);
+    if (gap(met) > travel || gap(met) < -fitted::overlap_begins) return;
+    Vec3<double> where = from;
+    bool touches = false;
+    for (int i = 1; i <= fitted::crossing_samples && !touches; ++i) {
+        const Vec3<double> x = from + (double(i) / fitted::crossing_samples) * way;
+        const SurfacePoint<double> there = surface_point(*b.shape, own, x);
+        touches = gap(there) < 0;
+        if (there.distance > 0) met = there, where = x;
+    }
+    if (!touches) return;
+    const Vec3<double> normal = (1 / std::max(norm(met.normal), 1e-6)) * met.normal;
+    const SurfacePoint<double> end = surface_point(*b.shape, own, from + way);
+    if (end.distance > 0 && dot(normal, end.normal) > fitted::one_face) return;
+    c.face = rotation_matrix(b.start.rotation) * normal;
+    c.met = where - met.distance * normal;
+}
+
 }  // namespace
 
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
-        const Vec3<double> middle = inverse_transform(b.start, transform(a.start, features[i].point));
-        const double travel = norm(inverse_transform(b.pose, transform(a.pose, features[i].point)) - middle);
+        c.way = c.face = {0, 0, 0};
+        if (dot(features[i].along, features[i].along) > 0)
+            c.place = deepest_place(features[i], c, a.pose, *b.shape, b.pose);
+        const double give = c.normal_multiplier / pair.penalty;
+        c.blunt = std::clamp(fitted::blunt_per_give * give / std::max(features[i].radius, 1e-6), fitted::least_blunt,
+                             fitted::most_blunt);
+        const Vec3<double> point = features[i].point + c.place * features[i].along;
+        const Vec3<double> middle = inverse_transform(b.start, transform(a.start, point));
+        const double travel = norm(inverse_transform(b.pose, transform(a.pose, point)) - middle);
         c.side = side_in_step(*b.shape, middle, c.side, travel);
-        c.way = {0, 0, 0};
-        touch_at_start(features[i], a, b, c);
+        stop_at_first_face(features[i], a, b, c, travel);
+        touch_in_step(features[i], a, b, c);
     }
 }
 
 SurfacePoint<double> surface_at(const FeatureContact& c, const Shape& b, const Pose<double>& pose,
                                 const Vec3<double>& point, int side) {
+    if (dot(c.face, c.face) > 0) return {dot(c.face, point - transform(pose, c.met)), c.face};
     if (dot(c.way, c.way) <= 0) return surface_point(b, pose, point, side);
     const Vec3<double> normal = rotation_matrix(pose.rotation) * c.way;
     return {dot(normal, point - pose.position) - c.reach, normal};
@@ -138,9 +235,10 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
     if (!has_sides(b.shape->kind)) return false;
     Vec3<double> first{0, 0, 0};
     bool one_face = true;
-    for (const FeatureContact& c : pair.contacts) {
+    for (std::size_t i = 0; i < features.size(); ++i) {
+        const FeatureContact& c = pair.contacts[i];
         if (c.undone <= 0) continue;
-        const Vec3<double> n = surface_at(c, *b.shape, b.start, transform(a.start, c.point_of_a), 0).normal;
+        const Vec3<double> n = touch_of(features[i], a.start, c, *b.shape, b.start, 0).surface.normal;
         if (dot(first, first) <= 0) first = n;
         one_face &= dot(first, n) > fitted::one_face;
     }
@@ -153,8 +251,8 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
         double deepest = dot(face.normal, face.normal) > 0 ? 0 : HUGE_VAL;
         for (std::size_t i = 0; i < features.size(); ++i) {
             if (pair.contacts[i].undone <= 0) continue;
-            const Vec3<double> point = deepest_point(features[i], a.start, out, *b.shape, b.start);
-            deepest = std::max(deepest, -surface_at(out, *b.shape, b.start, point, 0).distance);
+            out.place = pair.contacts[i].place, out.blunt = pair.contacts[i].blunt;
+            deepest = std::max(deepest, -touch_of(features[i], a.start, out, *b.shape, b.start, 0).surface.distance);
         }
         if (deepest < least) least = deepest, best = out;
     }
@@ -162,7 +260,7 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
         FeatureContact& c = pair.contacts[i];
         if (c.undone <= 0) continue;
         c.way = best.way, c.reach = best.reach;
-        touch_at_start(features[i], a, b, c);
+        touch_in_step(features[i], a, b, c);
     }
     return true;
 }
@@ -180,12 +278,13 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
     const Mat3<double> R = rotation_matrix(b.pose.rotation);
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
-        const Vec3<double> point = deepest_point(features[i], a.pose, c, *b.shape, b.pose);
-        SurfacePoint<double> surface = surface_at(c, *b.shape, b.pose, point, c.side);
+        auto [point, surface] = touch_of(features[i], a.pose, c, *b.shape, b.pose, c.side);
         c.distance = surface.distance;
         surface.distance -= c.offset;
         const ContactTerms<double> normal = normal_terms(surface, pair.penalty, c.normal_multiplier);
-        c.terms[0] = {normal.gradient, normal.curvature, point - a.centre, point - b.centre};
+        const bool met = dot(c.face, c.face) > 0;
+        const Vec3<double> point_of_b = met ? transform(b.pose, c.met) : point;
+        c.terms[0] = {normal.gradient, normal.curvature, point - a.centre, point_of_b - b.centre};
         c.terms[1] = {};
         c.normal_candidate = normal.normal_force;
         c.normal_now = (1 / std::max(norm(surface.normal), 1e-6)) * transposed_times(R, surface.normal);

@@ -11,12 +11,14 @@ namespace palpate {
 
 /// A point of an object at which contact with other objects is decided: a corner, edge or face's middle of a box (as a
 /// little ball), the middle of a ball (radius > 0), the middle of a disc (with its axis), of which the deepest point of
-/// the rim counts, or the one `angle` further round. Capsules and cylinders have one about every diameter.
+/// the rim counts. Capsules and cylinders have one about every diameter. Edges, and the axes of rods, count at their
+/// deepest point.
 struct Feature {
     Vec3<double> point{0, 0, 0};  ///< object's frame [m]
     double radius = 0;            ///< [m]
     Vec3<double> axis{0, 0, 0};   ///< of a disc; zero for balls and points
-    double angle = 0;             ///< [rad]
+    Vec3<double> along{0, 0,
+                       0};  ///< half of an edge, or of a rod's axis, of which `point` is the middle; else zero [m]
 };
 
 /// Features of a shape against others, or against planes, where the outermost corners of a mesh do; none for a plane.
@@ -45,14 +47,18 @@ struct FeatureContact {
     Vec3<double> tangential_multiplier{0, 0, 0};            ///< b's frame [N]
     double friction_radius = 0;                             ///< [N]
     Vec3<double> friction_normal{0, 0, 0};                  ///< b's frame
-    Vec3<double> point_of_a{0, 0, 0}, point_of_b{0, 0, 0};  ///< what touched at the start, each in its frame
+    Vec3<double> point_of_a{0, 0, 0}, point_of_b{0, 0, 0};  ///< their distance is the step's slip, each in its frame
     double normal_candidate = 0;                            ///< at the last evaluation
     Vec3<double> tangential_candidate{0, 0, 0};             ///< b's frame
     Vec3<double> normal_now{0, 0, 0};                       ///< b's frame
     double distance = 0;                                    ///< [m]
     int side = 0;                                           ///< of b that it is on (sided_point)
+    double place = 0;               ///< on an edge: `point` plus so many times `along`, for the whole step
+    double blunt = 1e-6;            ///< tilt below which a disc's deepest point is between its middle and its rim [rad]
     Vec3<double> way{0, 0, 0};      ///< b's frame: the face that it leaves b by (find_way_out); zero: the nearest
     double reach = 0;               ///< of b along that way [m]
+    Vec3<double> face{0, 0, 0};     ///< of b, world, that a fast feature meets first (stop_at_first_face); or zero
+    Vec3<double> met{0, 0, 0};      ///< b's frame: the point of b that it meets there
     double approach = 0;            ///< speed of approach at the start [m/s]
     double offset = 0;              ///< gap at which it touches: below 0 while an overlap is being undone [m]
     double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]
@@ -69,6 +75,17 @@ struct BodyPair {
     bool near = false;                     ///< found near in this step
     std::vector<FeatureContact> contacts;  ///< [feature of a against b]
 };
+
+/// The deepest point of a feature in an object, and the object's distance and normal there, world.
+struct Touch {
+    Vec3<double> point;
+    SurfacePoint<double> surface;
+};
+/// A ball's distance is that of its middle less its radius, which has a gradient at edges, too. The rim of a disc that
+/// stands nearly upright has no one deepest point: below the tilt `blunt` it moves in to the middle, as the depth that
+/// goes with it does (Huber's function).
+Touch touch_of(const Feature& feature, const Pose<double>& a, const FeatureContact& contact, const Shape& shape,
+               const Pose<double>& b, int side);
 
 /// Start of a step: which points touch, for friction.
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);

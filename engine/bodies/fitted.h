@@ -17,6 +17,23 @@ inline constexpr double deepest_under_load = 1e-4;
 /// Solves that end early leave some hundredths of a millimetre of overlap; what is deeper was there before, and is
 /// undone until it is shallower than the second [m].
 inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5;
+/// The point of an edge that counts follows the deepest one where that is within the second of these [m] (a can that
+/// lies on rails rolls off them by itself where it does not), and is another one where that is deeper by more than the
+/// first [m]; found by so many sections.
+inline constexpr double edge_depth = 1e-5, edge_follows = 5e-4;
+inline constexpr int edge_sections = 24;
+/// A disc is blunt below the tilt at which its rim would be so many times deeper than the contact gives way under its
+/// load; within these bounds [rad] (`Bodies.ACylinderThatComesToStand*`).
+inline constexpr double blunt_per_give = 4, least_blunt = 1e-6, most_blunt = 0.05;
+/// Turns of nearly half a revolution in a step slip as one with this cosine of its half does.
+inline constexpr double least_turn_cosine = 1e-3;
+/// Corners are round by this [m], or a fiftieth of the smallest half edge. (With five times as much boxes on boxes tip
+/// a degree early.)
+inline constexpr double corner_radius = 2e-4;
+/// A feature that moves by more than this against an object in a step [m] is followed, at so many places, through what
+/// it may meet.
+inline constexpr double least_crossing = 5e-4;
+inline constexpr int crossing_samples = 16;
 /// Normals are of one face where their cosine is above this.
 inline constexpr double one_face = 0.7;
 

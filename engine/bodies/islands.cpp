@@ -91,22 +91,23 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
         if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
     p.penalty = std::max(
         {fitted::least_pair_penalty, fitted::pair_inertia_share * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
-    begin_pair(p, features_of_pair(w.s, p), w.s.objects[p.a], w.s.objects[p.b]);
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
-    auto begin_contacts = [&] {
-        for (FeatureContact& c : p.contacts) {
-            const Vec3<double> point = transform(a.start, c.point_of_a);
-            const SurfacePoint<double> surface = surface_at(c, *b.shape, b.start, point, 0);
-            c.approach = -dot(point_velocity(w, p, point), surface.normal);
-            if (w.solver.inertia) undo_overlap(c, -surface.distance, w.solver.dt * w.solver.recovery_speed);
-        }
+    const std::vector<Feature>& features = features_of_pair(w.s, p);
+    begin_pair(p, features, a, b);
+    auto for_each_contact = [&](auto visit) {
+        for (std::size_t i = 0; i < features.size(); ++i)
+            visit(p.contacts[i], touch_of(features[i], a.start, p.contacts[i], *b.shape, b.start, 0));
     };
-    begin_contacts();
-    if (find_way_out(p, features_of_pair(w.s, p), a, b)) begin_contacts();
-    for (const FeatureContact& c : p.contacts) {
-        const double depth = -surface_at(c, *b.shape, b.start, transform(a.start, c.point_of_a), 0).distance;
+    auto begin_contact = [&](FeatureContact& c, const Touch& at) {
+        c.approach = -dot(point_velocity(w, p, at.point), at.surface.normal);
+        if (w.solver.inertia) undo_overlap(c, -at.surface.distance, w.solver.dt * w.solver.recovery_speed);
+    };
+    for_each_contact(begin_contact);
+    if (find_way_out(p, features, a, b)) for_each_contact(begin_contact);
+    for_each_contact([&](const FeatureContact& c, const Touch& at) {
+        const double depth = -at.surface.distance;
         if (c.undone > 0 && depth > w.s.deepest.depth) w.s.deepest = {p.a, p.b, depth, w.time};
-    }
+    });
 }
 
 /// Finds the pairs of objects that may touch; a pair keeps its place, and with it its multipliers, while it is near.

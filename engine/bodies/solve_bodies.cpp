@@ -317,7 +317,8 @@ void place_bodies(BodyWork& w, bool at_end_of_step) {
 void begin_bodies(const SolverSettings& solver, double time, Table<VirtualObject>& shapes, Table<RigidBody>& bodies) {
     if (bodies.empty()) return;
     for (VirtualObject& shape : shapes)
-        if (shape.held_body >= 0 && time >= bodies[shape.held_body].release) {
+        // What is released during a step stays where it is until its end.
+        if (shape.held_body >= 0 && time - solver.dt >= bodies[shape.held_body].release - 1e-9) {
             std::swap(shape.body, shape.held_body);
             bodies[shape.body].asleep = false;
         }

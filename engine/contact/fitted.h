@@ -26,6 +26,8 @@ inline constexpr double contact_band = 3e-3;
 /// cells, those that are too thin for these, too, the exact distance.
 inline constexpr double well_resolved = 2.5, resolved = 2;
 inline constexpr int most_bricks = 6000;  ///< 24 MB
+/// So many of the outermost cells of a smooth field go over to the exact distance.
+inline constexpr double rim_cells = 2;
 /// Gradients whose square is below this are stretched less and less (rims and thin walls).
 inline constexpr double least_gradient2 = 0.16;
 /// Nearer hits are neighbours of where a ray begins [m].

@@ -370,8 +370,24 @@ MeshPoint mesh_contact_distance(const DistanceMesh& mesh, const Vec3<double>& x)
 }
 
 MeshPoint mesh_surface_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
-    if (Place place; mesh.smooth && find_place(mesh, x, place)) return smooth_point(mesh, x, place);
-    return mesh_distance(mesh, x);
+    Place place;
+    if (!mesh.smooth || !find_place(mesh, x, place)) return mesh_distance(mesh, x);
+    const MeshPoint smooth = smooth_point(mesh, x, place);
+    // In the outermost cells the smooth field goes over to the exact one: its jump would throw bodies.
+    const Vec at = place.per_cell * (x - mesh.grid_low);
+    int axis = 0;
+    double within = 1e300, sign = 1;
+    for (int d = 0; d < 3; ++d)
+        for (const auto& [depth, side] : {std::pair{at[d] - 1, 1.0}, std::pair{mesh.cells[d] - 1 - at[d], -1.0}})
+            if (depth < within) within = depth, axis = d, sign = side;
+    const double u = within / rim_cells;
+    if (u >= 1) return smooth;
+    const MeshPoint exact = mesh_distance(mesh, x);
+    const double w = u * u * (3 - 2 * u), slope = 6 * u * (1 - u) * place.per_cell / rim_cells;
+    const double difference = smooth.distance - exact.distance;
+    MeshPoint out{exact.distance + w * difference, exact.normal + w * (smooth.normal - exact.normal)};
+    out.normal[axis] += sign * slope * difference;
+    return out;
 }
 
 }  // namespace palpate

@@ -16,10 +16,10 @@ Vec mesh_vertex(const DistanceMesh& mesh, int i) {
     return {v[0], v[1], v[2]};
 }
 
-/// Outermost vertices in 162 directions spread evenly (a Fibonacci lattice).
+/// Outermost vertices in directions spread evenly (a Fibonacci lattice).
 std::vector<int> outermost(const DistanceMesh& mesh) {
     std::vector<int> found;
-    constexpr int directions = 162;
+    constexpr int directions = 1500;
     for (int k = 0; k < directions; ++k) {
         const double z = 1 - (2 * k + 1.0) / directions, r = std::sqrt(1 - z * z), phi = 2.399963229728653 * k;
         const Vec d{r * std::cos(phi), r * std::sin(phi), z};
@@ -73,16 +73,16 @@ void set_points(DistanceMesh& mesh) {
     const std::vector<int> found = outermost(mesh);
     std::vector<Vec> points;
     for (int i : found) points.push_back(mesh_vertex(mesh, i));
-    constexpr int most = 64;
+    constexpr std::size_t most = 64, most_support = 256;
     Vec low = points[0], high = points[0];
     for (const Vec& p : points)
         for (int d = 0; d < 3; ++d) low[d] = std::min(low[d], p[d]), high[d] = std::max(high[d], p[d]);
     const Vec size = high - low;
     // As corners of boxes are (features_of): sharp ones on edges would be no farther from a way up than from one out.
-    const double r = std::min(1e-3, 0.025 * std::min({size.x, size.y, size.z}));
-    for (int i : spread_out(points, 1, most, 0)) {
+    const double r = std::min(2e-4, 0.01 * std::min({size.x, size.y, size.z}));
+    for (int i : spread_out(points, 1, most_support, 0)) {
         mesh.support.push_back(points[std::size_t(i)]);
-        mesh.balls.push_back(inside_corner(mesh, found[std::size_t(i)], r));
+        if (mesh.balls.size() < most) mesh.balls.push_back(inside_corner(mesh, found[std::size_t(i)], r));
     }
     // And on faces, where what is smaller than they are would pass between corners: points spread evenly over triangles
     // (by the sequence R2, folded), by their areas.

@@ -233,5 +233,62 @@ TEST(MeshObject, BoxesOfTrianglesStandOnEachOther) {
     }
 }
 
+/// Balls that fall into a mug, and balls and cubes that fall on a plate of triangles, stay there in steps of any
+/// length.
+TEST(MeshObject, WhatFallsOnTrianglesStaysOnThem) {
+    const auto of_mug = std::make_shared<const DistanceMesh>(build_distance_mesh(mug()));
+    const auto plate = std::make_shared<const DistanceMesh>(build_distance_mesh(box_surface({0.05, 0.05, 0.0025}, 8)));
+    const Shape ball{ShapeKind::sphere, {0.008, 0, 0}}, cube{ShapeKind::box, {0.01, 0.01, 0.01}};
+    auto ends = [](const std::shared_ptr<const DistanceMesh>& mesh, const Shape& shape, double from, double dt) {
+        SceneSpec spec;
+        spec.solver.dt = dt;
+        ObjectSpec below{"mesh", {ShapeKind::mesh, {0, 0, 0}, mesh.get()}, Pose<double>::identity(), 0.4};
+        below.mesh = mesh;
+        ObjectSpec o{"body", shape, {{0.005, 0.003, from}, {1, 0, 0, 0}}, 0.4};
+        o.body = solid_body(shape, 0.01);
+        spec.objects = {below, o};
+        World world = build_world(spec);
+        Threads threads(1);
+        while (world.time < 0.8) step(world, threads);
+        return world.shapes[1].pose.position.z;
+    };
+    for (double dt : {1e-3, 5e-3, 10e-3, 20e-3})
+        for (double fall : {0.003, 0.02, 0.055, 0.07}) {
+            const auto where = ::testing::Message() << 1e3 * fall << " mm, " << 1e3 * dt << " ms";
+            EXPECT_NEAR(ends(of_mug, ball, 0.015 + fall, dt), 0.015, 1e-4) << where;
+            EXPECT_NEAR(ends(plate, ball, 0.0105 + fall, dt), 0.0105, 1e-4) << where;
+            EXPECT_NEAR(ends(plate, cube, 0.0125 + fall, dt), 0.0125, 1e-4) << where;
+        }
+}
+
+/// A mug stands on its foot, and a ball of triangles lies and rolls nearly as a ball does.
+TEST(MeshObject, RoundMeshesStandAndRollOnPlanes) {
+    auto ends = [](const Surface& surface, const Vec3<double>& at, const Vec3<double>& velocity, double spin) {
+        const auto mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(surface));
+        SceneSpec spec;
+        spec.solver.dt = 2e-3;
+        spec.objects.push_back({"plane", {}, Pose<double>::identity(), 1});
+        ObjectSpec o{"mesh", {ShapeKind::mesh, {0, 0, 0}, mesh.get()}, {at, {1, 0, 0, 0}}, 1};
+        o.mesh = mesh;
+        o.body = solid_body(o.shape, 0.02);
+        o.body->velocity = velocity;
+        o.body->angular_momentum = {0, o.body->inertia[1][1] * spin, 0};
+        spec.objects.push_back(o);
+        World world = build_world(spec);
+        Threads threads(1);
+        while (world.time < 0.3) step(world, threads);
+        return std::pair{world.shapes[1].pose.position, world.bodies[0].velocity};
+    };
+    const Surface foot = mug();
+    double lowest = 1e300;
+    for (const Point& p : foot.vertices) lowest = std::min(lowest, p[2]);
+    EXPECT_NEAR(ends(foot, {0, 0, 1e-3 - lowest}, {0, 0, 0}, 0).first.z, -lowest, 3e-5);
+    const Surface round = box_surface({0.015, 0.015, 0.015}, 12, 1);  // 866 vertices
+    const auto [position, velocity] = ends(round, {0, 0, 0.0151}, {0.3, 0, 0}, 20);
+    EXPECT_NEAR(position.z, 0.0149, 2e-4);
+    EXPECT_GT(velocity.x, 0.2);
+    EXPECT_LT(std::abs(position.y), 5e-3);
+}
+
 }  // namespace
 }  // namespace palpate
