@@ -12,7 +12,7 @@ void see_bodies(Watched& watched);
 void check_flight(Watched& watched, Findings& found);
 
 /// What a body's momentum and angular momentum change by is what its contacts and its weight give it, where it has
-/// converged, is not taken out of an overlap, and does not bounce.
+/// converged and is held by fingers that it does not slide over.
 void check_motion(const Watched& watched, Findings& found);
 
 /// How deep objects lie in each other, before the first step and after every one; after check_motion, which asks for

@@ -108,7 +108,7 @@ void check_friction(const Watched& v, Findings& found) {
     for (std::size_t i = 0; i < v.fingers.size(); ++i) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset) continue;
-        for (const ObjectContact& o : w.contact_surfaces.find(v.s.fingers[i])->objects) {
+        for (const ObjectContact& o : f.objects) {
             if (o.object < 0) continue;
             double friction = w.shapes[std::size_t(o.object)].friction;
             for (const FingerFriction& own : v.s.scene.spec.finger_frictions)
@@ -123,17 +123,26 @@ void check_friction(const Watched& v, Findings& found) {
     }
 }
 
+bool sticks(const ObjectContact& o) {
+    return o.normal_force > 0.05 && o.friction_available > 0 && o.friction_force < 0.7 * o.friction_available;
+}
+
+bool stuck_before(const FingerState& before, const ObjectContact& now) {
+    return std::any_of(before.objects.begin(), before.objects.end(), [&](const ObjectContact& b) {
+        return b.object == now.object && sticks(b) && b.normal_force > 0.8 * now.normal_force;
+    });
+}
+
 void check_grips(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     // Beside where all sticks some skin slides: what presses little. Its way counts by what it presses with.
-    constexpr double used = 0.7, share = 0.2, slid = 2e-5;  // [1, 1, m]
+    constexpr double share = 0.2, slid = 2e-5;  // [1, m]
     for (std::size_t i = 0; i < v.fingers.size(); ++i) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset || v.before.empty() || !v.before[i].status.converged) continue;
-        for (const ObjectContact& o : w.contact_surfaces.find(v.s.fingers[i])->objects) {
-            if (o.object < 0 || w.shapes[std::size_t(o.object)].soft >= 0) continue;
-            if (o.normal_force < 0.05 || o.friction_force > used * o.friction_available) continue;
-            if (o.friction_available <= 0) continue;
+        for (const ObjectContact& o : f.objects) {
+            if (o.object < 0 || w.shapes[std::size_t(o.object)].soft >= 0 || !sticks(o)) continue;
+            if (!stuck_before(v.before[i], o)) continue;
             const double way = w.solver.dt * norm(f.bone_velocity);
             if (o.slip > share * way + slid)
                 found.add("what sticks does not slide",

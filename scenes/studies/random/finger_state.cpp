@@ -158,6 +158,7 @@ std::vector<FingerState> finger_states(const Simulation& s, const std::vector<Fi
         const ContactSurface& c = *s.world.contact_surfaces.find(s.fingers[i]);
         f.contact = c.total;
         f.normal_force = c.normal_force;
+        f.objects = c.objects;
         const std::vector<Vec3<double>> reactions = bone_reactions(s.world, s.fingers[i]);
         for (std::size_t k = 0; k < reactions.size(); ++k) {
             f.reaction += reactions[k];

@@ -22,6 +22,7 @@ struct FingerState {
     Vec3<double> bone_velocity{0, 0, 0};  ///< from the poses of two steps [m/s]; 0 in the first
     Quaternion<double> bone_turn = Quaternion<double>::identity();  ///< in this step
     double normal_force = 0;                                        ///< reported [N]
+    std::vector<ObjectContact> objects;                             ///< what it reports of each
     bool solved = false;                                            ///< neither asleep nor moved as one with its bone
 
     bool finite() const;

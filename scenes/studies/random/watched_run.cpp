@@ -272,6 +272,7 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
         check_grips(v, *found);
     }
     if (found) check_drops(s, *found);
+    trace.overlapped = lifted_by_overlaps(v) > 0;
     if (recorder) recorder->finish();
     for (const VirtualObject& shape : s.world.shapes)
         if (shape.body >= 0) trace.bodies.push_back(shape.pose.position);

@@ -14,6 +14,7 @@ struct Trace {
     std::vector<Vec3<double>> bodies;  ///< where they are in the end, in the order of the objects [m]
     bool all_converged = true;
     bool fingers_near = false;  ///< each other, in some step
+    bool overlapped = false;    ///< objects had to be taken out of each other
     double iterations = 0;      ///< Newton's, of all fingers: what it has cost
 };
 
