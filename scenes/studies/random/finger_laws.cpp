@@ -113,7 +113,12 @@ void check_friction(const Watched& v, Findings& found) {
             double friction = w.shapes[std::size_t(o.object)].friction;
             for (const FingerFriction& own : v.s.scene.spec.finger_frictions)
                 if (own.finger == int(i) && own.object == o.object) friction = own.friction;
-            const double most = friction * o.normal_force;
+            // What leaves an object keeps, in that step, the friction of what it pressed with before.
+            double pressed = o.normal_force;
+            if (!v.before.empty())
+                for (const ObjectContact& b : v.before[i].objects)
+                    if (b.object == o.object) pressed = std::max(pressed, b.normal_force);
+            const double most = friction * pressed;
             if (o.friction_force > most + (1 + friction) * left_over(v, i, f.normal_force))
                 found.add(
                     "friction keeps to Coulomb's law",
