@@ -58,20 +58,28 @@ bool is_recovering(const BodyPair& p) {
                                    [](const FeatureContact& c) { return c.undone > 0 && c.normal_multiplier > 0; });
 }
 
+/// Whether the motion of a contact out of an overlap is to be braked: of one that pushes, and where the solve has ended
+/// early, also of one that has been thrown too far to push any more.
+bool is_braked(Work& w, const BodyPair& p, const FeatureContact& c) {
+    return c.undone > 0 && (c.normal_multiplier > 0 || !island_of_pair(w, p).progress.converged);
+}
+
 /// The motion that undid overlaps is no velocity: takes its share of the speed at which objects part away again, by
 /// impulses that pull (projected Gauss-Seidel; the nearest velocities, by kinetic energy, that part no faster, so that
 /// none is gained).
 void brake_recovery(Work& w) {
-    if (!w.solver.inertia || std::none_of(w.s.pairs.begin(), w.s.pairs.end(), is_recovering)) return;
+    if (!w.solver.inertia) return;
     auto for_each_recovering = [&](auto visit) {
         for (BodyPair& p : w.s.pairs)
             if (p.a >= 0)
                 for (FeatureContact& c : p.contacts)
-                    if (c.undone > 0 && c.normal_multiplier > 0) visit(p, c, blow_at(w, p, c));
+                    if (is_braked(w, p, c)) visit(p, c, blow_at(w, p, c));
     };
-    for_each_recovering([&](BodyPair&, FeatureContact& c, const Blow& at) {
+    for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
         c.brake = 0;
         c.parting = std::max(0.0, at.speed - c.undone / w.solver.dt);
+        // Where a solve ends early, overlaps that contradict each other have thrown what was to be taken out of them.
+        if (!island_of_pair(w, p).progress.converged) c.parting = std::min(c.parting, std::max(0.0, -c.approach));
     });
     for (int sweep = 0; sweep < 30; ++sweep)
         for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {

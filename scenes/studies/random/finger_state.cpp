@@ -143,7 +143,10 @@ std::vector<FingerState> finger_states(const Simulation& s, const std::vector<Fi
         f.skin = s.world.skins.find(s.fingers[i]);
         f.status = skin_status(s.world, s.fingers[i]);
         for (const Point& p : finger_positions(s.world, s.fingers[i])) f.position.push_back({p[0], p[1], p[2]});
+        f.bone = bone_pose(s.world, s.fingers[i]);
         if (i < before.size()) {
+            f.bone_velocity = (1 / s.world.solver.dt) * (f.bone.position - before[i].bone.position);
+            f.bone_turn = f.bone.rotation * conjugate(before[i].bone.rotation);
             f.mass = before[i].mass;
             f.faces = before[i].faces;
             for (std::size_t k = 0; k < f.position.size(); ++k)
@@ -155,9 +158,12 @@ std::vector<FingerState> finger_states(const Simulation& s, const std::vector<Fi
         const ContactSurface& c = *s.world.contact_surfaces.find(s.fingers[i]);
         f.contact = c.total;
         f.normal_force = c.normal_force;
-        for (const Vec3<double>& r : bone_reactions(s.world, s.fingers[i])) {
-            f.reaction += r;
-            f.solved |= dot(r, r) > 0;
+        f.objects = c.objects;
+        const std::vector<Vec3<double>> reactions = bone_reactions(s.world, s.fingers[i]);
+        for (std::size_t k = 0; k < reactions.size(); ++k) {
+            f.reaction += reactions[k];
+            f.reaction_torque += cross(f.position[k] - f.bone.position, reactions[k]);
+            f.solved |= dot(reactions[k], reactions[k]) > 0;
         }
         all.push_back(std::move(f));
     }

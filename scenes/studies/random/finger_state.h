@@ -17,8 +17,13 @@ struct FingerState {
     std::vector<std::array<int, 3>> faces;  ///< of the surface, seen from outside
     Vec3<double> contact{0, 0, 0};          ///< sum of the reported contact forces on the skin [N]
     Vec3<double> reaction{0, 0, 0};         ///< sum of the bone's on it [N]
-    double normal_force = 0;                ///< reported [N]
-    bool solved = false;                    ///< neither asleep nor moved as one with its bone
+    Vec3<double> reaction_torque{0, 0, 0};  ///< of those about the bone's origin [N m]
+    Pose<double> bone = Pose<double>::identity();
+    Vec3<double> bone_velocity{0, 0, 0};  ///< from the poses of two steps [m/s]; 0 in the first
+    Quaternion<double> bone_turn = Quaternion<double>::identity();  ///< in this step
+    double normal_force = 0;                                        ///< reported [N]
+    std::vector<ObjectContact> objects;                             ///< what it reports of each
+    bool solved = false;                                            ///< neither asleep nor moved as one with its bone
 
     bool finite() const;
     /// Change of the skin's momentum since the step before, per time [N].

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scenes/studies/random/random_handled.h"
 #include "scenes/studies/random/random_odd.h"
 
 namespace palpate {
@@ -349,7 +350,9 @@ RandomScene random_scene(unsigned seed) {
     const int size = (uniform ? random_scene_elements : random_scene_conforming_elements)[r.integer(0, 2)];
     const double kind = r.between(0, 1), dt = (brief ? 0.5e-3 : 1e-3) * dt_ms;
     // Every tenth is of fingers alone, every tenth of other fingers and things, every twentieth of tissue.
-    if (seed >= first_seed_of_odd)
+    if (seed >= first_seed_of_handled)
+        draw_handled(r, s, fingers);
+    else if (seed >= first_seed_of_odd)
         draw_odd(r, s, std::min(fingers, 3), dt);
     else if (seed % 10 == 9)
         draw_pinch(r, s, fingers, size, dt);

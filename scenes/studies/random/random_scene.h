@@ -26,6 +26,9 @@ inline constexpr unsigned first_seed_of_deadlines = 1'400'000;
 inline bool is_short_scene(unsigned seed) { return seed >= first_seed_of_short; }
 /// And from here on of what fewer people write.
 inline constexpr unsigned first_seed_of_odd = 2'000'000;
+/// And from here on of what hands do with things, which takes longer: they lift, move and turn them, stack them, press
+/// firmly and come back.
+inline constexpr unsigned first_seed_of_handled = 3'000'000;
 
 /// The same scene for the same seed, on every machine.
 RandomScene random_scene(unsigned seed);

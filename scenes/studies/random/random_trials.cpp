@@ -152,11 +152,12 @@ bool breaks(const std::vector<Violation>& violations, const std::string& law) {
     return std::any_of(violations.begin(), violations.end(), [&](auto& v) { return v.law == law; });
 }
 
-/// Load refuses bodies that begin inside a finger, and fingers that begin deep inside objects (start_overlap.h), and
-/// where one has been drawn so it has to.
+/// Load refuses bodies that begin inside a finger or deep in each other, and fingers that begin deep inside objects
+/// (start_overlap.h), and where one has been drawn so it has to.
 bool is_refusal_of_overlap(const Violation& v) {
     auto says = [&](const char* part) { return v.found.find(part) != std::string::npos; };
-    return v.law == "scenes load" && (says("starts inside finger") || says("deeper than half its thickness"));
+    return v.law == "scenes load" &&
+           (says("starts inside finger") || says("deeper than half its thickness") || says("would be thrown apart"));
 }
 
 /// Makes a scene small that breaks a law, and writes it beside the others: random-SEED.toml, and its mesh.

@@ -8,7 +8,8 @@
 
 #include "engine/contact/fitted.h"
 #include "engine/contact/shape.h"
-#include "scenes/studies/random/finger_state.h"
+#include "scenes/studies/random/body_laws.h"
+#include "scenes/studies/random/finger_laws.h"
 
 namespace palpate {
 
@@ -21,18 +22,23 @@ std::string law_text(const char* format, ...) {
     return buffer;
 }
 
+double rounding_of(const Watched& v, std::size_t finger) {
+    if (!v.fingers[finger].skin->single_precision) return 1e-4;
+    const double extent = 0.02, stiffness = v.s.world.couplings.find(v.s.fingers[finger])->stiffness;
+    return 2e-3 + 2 * double(std::numeric_limits<float>::epsilon()) * extent * stiffness;
+}
+
+bool is_in_island(const World& w, std::size_t finger) {
+    const auto& near = w.finger_pairs.near;
+    return w.bodies.size() > 0 || std::any_of(near.begin(), near.end(), [&](const FingerPair& p) {
+               return p.a == int(finger) || p.b == int(finger);
+           });
+}
+
 namespace {
 
 /// Far beyond what hands of random scenes can do, whether a step has converged or not [m/s, N].
 constexpr double absurd_speed = 100, absurd_force = 1e7;
-
-/// A scene's world seen step by step.
-struct Watched {
-    const Simulation& s;
-    std::vector<FingerState> fingers;  ///< now
-    std::vector<FingerState> before;
-    std::vector<double> first_energy;  ///< of each body [J]
-};
 
 double mechanical_energy(const World& w, const VirtualObject& shape) {
     const RigidBody& b = w.bodies[shape.body];
@@ -60,22 +66,6 @@ void check_penetration(const Watched& v, Findings& found) {
                                  f.skin->name.c_str(), 1e3 * depth, o.name.c_str(), 1e3 * f.status.penetration_m));
             }
     }
-}
-
-/// Forces that rounding of positions makes: no solve is asked for less. The bone's springs are the stiffest [N].
-double rounding_of(const Watched& v, std::size_t finger) {
-    if (!v.fingers[finger].skin->single_precision) return 1e-4;
-    const double extent = 0.02, stiffness = v.s.world.couplings.find(v.s.fingers[finger])->stiffness;
-    return 2e-3 + 2 * double(std::numeric_limits<float>::epsilon()) * extent * stiffness;
-}
-
-/// Whether a finger's forces are one solve with those of bodies, or of other fingers: then what is left of its own may
-/// be as much as fitted::own_rounding.
-bool is_in_island(const World& w, std::size_t finger) {
-    const auto& near = w.finger_pairs.near;
-    return w.bodies.size() > 0 || std::any_of(near.begin(), near.end(), [&](const FingerPair& p) {
-               return p.a == int(finger) || p.b == int(finger);
-           });
 }
 
 /// A solve that says it has converged reports nothing beyond its tolerances. (What is measured from outside: the two
@@ -213,7 +203,7 @@ void check_energy(const Watched& v, Findings& found) {
         first += v.first_energy[b++];
         size += w.bodies[w.shapes[o].body].mass * norm(w.gravity) * 0.01;
     }
-    if (now > first + 0.02 * size)
+    if (now > first + 0.02 * size + lifted_by_overlaps(v))
         found.add("no energy is gained",
                   law_text("%.4f s: bodies have %.5g J more than at the start, %.2g mm of height", w.time, now - first,
                            10 * (now - first) / size));
@@ -232,10 +222,11 @@ bool holds_still(const Scene& scene) {
 
 Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
     Trace trace;
-    Watched v{s, {}, {}, {}};
+    Watched v{s, {}, {}, {}, {}, {}, {}, {}, {}};
     const bool still = holds_still(s.scene);
     for (const VirtualObject& shape : s.world.shapes)
         if (shape.body >= 0) v.first_energy.push_back(mechanical_energy(s.world, shape));
+    if (found) see_overlaps(v);
     const auto steps = std::max(1L, std::lround(s.scene.duration / s.world.solver.dt));
     for (long k = 0; k < steps; ++k) {
         const StepInputs inputs = next_inputs(s);
@@ -261,6 +252,7 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
         }
         trace.force.push_back(std::move(forces));
         trace.hashes.push_back(outcome_of(s).hashes);
+        see_bodies(v);
         if (!found) continue;
         check_penetration(v, *found);
         check_status(v, *found);
@@ -269,8 +261,18 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
         check_tissue(v, *found);
         check_finger_pairs(v, *found);
         check_tunnelling(v, *found);
+        check_coupling(v, *found);
+        check_free_bones(v, *found);
+        check_friction(v, *found);
+        check_flight(v, *found);
+        check_motion(v, *found);
+        see_overlaps(v);
+        check_overlaps(v, *found);
         if (still && !v.first_energy.empty()) check_energy(v, *found);
+        check_grips(v, *found);
     }
+    if (found) check_drops(s, *found);
+    trace.overlapped = lifted_by_overlaps(v) > 0;
     if (recorder) recorder->finish();
     for (const VirtualObject& shape : s.world.shapes)
         if (shape.body >= 0) trace.bodies.push_back(shape.pose.position);

@@ -3,22 +3,9 @@
 
 #include "scenes/recording/run_file.h"
 #include "scenes/run/simulation.h"
-#include "scenes/studies/random/laws.h"
+#include "scenes/studies/random/watched.h"
 
 namespace palpate {
-
-/// printf into a string.
-[[gnu::format(printf, 1, 2)]] std::string law_text(const char* format, ...);
-
-/// What has been found in one run: the first of each law.
-struct Findings {
-    std::vector<Violation> all;
-    void add(const std::string& law, const std::string& found) {
-        for (const Violation& v : all)
-            if (v.law == law) return;
-        all.push_back({law, found});
-    }
-};
 
 /// Normal force of every finger in every step [step][finger], and whether the step was solved to its tolerance.
 struct Trace {
@@ -27,6 +14,7 @@ struct Trace {
     std::vector<Vec3<double>> bodies;  ///< where they are in the end, in the order of the objects [m]
     bool all_converged = true;
     bool fingers_near = false;  ///< each other, in some step
+    bool overlapped = false;    ///< objects had to be taken out of each other
     double iterations = 0;      ///< Newton's, of all fingers: what it has cost
 };
 
