@@ -1,17 +1,14 @@
 #include "devices/drivers/serial_bus.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <stdexcept>
 #include <utility>
 
-#include "devices/drivers/maestro_protocol.h"
-#include "devices/drivers/serial_line.h"
+#include "devices/drivers/compact_link.h"
+#include "devices/drivers/serial_targets.h"
+#include "devices/drivers/servo_modes.h"
 #include "devices/loop/clock.h"
 
 namespace palpate {
@@ -24,143 +21,6 @@ using std::chrono::milliseconds;
 constexpr int attempts = 4;                          ///< to get an answer, while nothing moves yet
 constexpr int watchdog_ticks = 10;                   ///< of a Dynamixel, 20 ms each
 constexpr int least_place = 1, most_place = 0x7fff;  ///< [ticks]; also what stands for all that lies beyond
-
-/// One packet for all targets, which arrive as its last byte has gone over the line, which takes so long a byte [s].
-LinkProblem write_in_one(SerialLine& line, const Bytes& packet, double byte_takes, std::span<Transfer> transfers) {
-    const double sent = device_clock();
-    const LinkProblem problem = line.write(packet);
-    const Transfer all{sent, device_clock() + byte_takes * double(packet.size())};
-    if (!problem) std::fill(transfers.begin(), transfers.end(), all);
-    return problem;
-}
-
-/// A Maestro's own USB port, which knows no baud.
-bool is_usb_all_the_way(const std::string& port) {
-    std::error_code none;
-    return std::filesystem::canonical(port, none).filename().string().starts_with("ttyACM");
-}
-
-/// In a signal handler: what fits into the line's buffer.
-bool write_now(int fd, SerialProtocol protocol, std::span<const ChannelTarget> targets) noexcept {
-    std::uint8_t bytes[512];
-    const std::size_t size = fd >= 0 ? encode_targets(protocol, targets, bytes) : 0;
-    return size > 0 && ::write(fd, bytes, size) == ssize_t(size);
-}
-
-/// A Pololu Maestro by its compact protocol.
-class CompactLink final : public BoardLink {
-  public:
-    explicit CompactLink(SerialBusSettings settings) : settings_(std::move(settings)) {}
-
-    std::string open(std::span<WireValue> positions) override try {
-        close();
-        const int baud = settings_.baud ? settings_.baud : 57600;
-        line_.open(settings_.port, baud);
-        byte_takes_ = is_usb_all_the_way(settings_.port) ? 0 : 10.0 / baud;
-        told_.fill(no_pulse);
-        doubtful_ = false;
-        refuse_echo();
-        for (int c : settings_.channels) {
-            const WireValue at = positions[std::size_t(c)] = ask(compact::get_position(c));
-            if (at > compact::most)
-                throw std::runtime_error(settings_.port + ": channel " + std::to_string(c) + " is said to be at " +
-                                         std::to_string(at / 4) + " us, which no Maestro sends");
-        }
-        if (const auto problem = limit_speed(first_move_share)) throw std::runtime_error(problem.text);
-        ask(compact::get_errors());  // of what was before
-        return "";
-    } catch (const std::exception& error) {
-        close();
-        return error.what();
-    }
-    void close() override { line_.close(); }
-    LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
-        const LinkProblem problem = write_in_one(line_, compact::set_targets(targets, true), byte_takes_, transfers);
-        for (const auto& [channel, value] : targets) told_[std::size_t(channel)] = problem ? no_pulse : value;
-        return problem;
-    }
-    LinkProblem write_torques(std::span<const ChannelTarget>) override {
-        return {"a Maestro cannot limit the force of its servos", true, FaultKind::refused};
-    }
-    LinkProblem feed() override try {
-        if (doubtful_) take_what_is_late();
-        const bool doubtful = std::exchange(doubtful_, true);
-        const std::uint16_t errors = ask(compact::get_errors());
-        if (errors & maestro::serial_timeout) return bitten;
-        if (doubtful)
-            if (const auto problem = astray()) return problem;
-        doubtful_ = false;
-        if (errors) return {"the Maestro reports errors, bits " + std::to_string(errors), false, FaultKind::reported};
-        return {};
-    } catch (const std::exception& error) { return {error.what(), false, FaultKind::silent}; }
-    LinkProblem limit_speed(double share) override {
-        Bytes all;
-        for (int c : settings_.channels) {
-            const double units = std::ceil(share * settings_.speed_units_per_s / 25);
-            const Bytes one = compact::set_speed(c, std::uint16_t(std::clamp(units, 1.0, 16383.0)));
-            if (settings_.speed_units_per_s > 0) all.insert(all.end(), one.begin(), one.end());
-        }
-        return line_.write(all);
-    }
-    bool write_in_signal(std::span<const ChannelTarget> targets) noexcept override {
-        return write_now(line_.fd(), SerialProtocol::maestro_compact, targets);
-    }
-
-  private:
-    inline static const LinkProblem bitten{"the Maestro's watchdog has bitten: its servos went home", true,
-                                           FaultKind::watchdog};
-    /// What comes back of a question would pass for the answer to it: a place, or errors.
-    void refuse_echo() {
-        line_.discard();
-        const Bytes request = compact::get_errors();
-        if (const auto problem = line_.write(request)) throw std::runtime_error(settings_.port + ": " + problem.text);
-        Bytes all;
-        for (const auto end = Clock::now() + milliseconds(60); all.size() < 3 && Clock::now() < end;) {
-            const Bytes more = line_.read(Clock::now() + milliseconds(20));
-            if (more.empty() && !all.empty()) break;
-            all.insert(all.end(), more.begin(), more.end());
-        }
-        if (all.size() != 2 && !all.empty() && all[0] == request[0])
-            throw std::runtime_error(settings_.port +
-                                     ": what is said comes back: an adapter that echoes, or its two lines are joined");
-    }
-    void take_what_is_late() {
-        for (const auto end = Clock::now() + milliseconds(40); Clock::now() < end;)
-            if (line_.read(Clock::now() + milliseconds(15)).empty()) return;
-    }
-    /// Asking for errors forgets them: where an answer was lost, the watchdog may have bitten all the same. Then servos
-    /// are not where they were told to be.
-    LinkProblem astray() {
-        for (int c : settings_.channels) {
-            const WireValue told = told_[std::size_t(c)], at = told == no_pulse ? told : ask(compact::get_position(c));
-            if (at == told) continue;
-            if (at == no_pulse) return bitten;
-            return {"an answer was lost, and servo " + std::to_string(c) +
-                        " is not where it was told to be: its watchdog may have bitten",
-                    false, FaultKind::silent};
-        }
-        return {};
-    }
-    std::uint16_t ask(const Bytes& request) {
-        line_.discard();
-        if (const auto problem = line_.write(request)) throw std::runtime_error(settings_.port + ": " + problem.text);
-        Bytes reply;
-        const auto end = Clock::now() + milliseconds(60);
-        while (reply.size() < 2) {
-            const Bytes more = line_.read(end);
-            if (more.empty()) throw std::runtime_error(settings_.port + ": no answer");
-            reply.insert(reply.end(), more.begin(), more.end());
-        }
-        if (reply.size() > 2) throw std::runtime_error(settings_.port + ": an answer of more than two bytes");
-        return std::uint16_t(reply[0] | reply[1] << 8);
-    }
-
-    SerialBusSettings settings_;
-    SerialLine line_;
-    double byte_takes_ = 0;
-    std::array<WireValue, max_channels> told_{};  ///< no_pulse: nothing, or nobody knows
-    bool doubtful_ = false;                       ///< an answer that said how the board is was lost
-};
 
 /// Dynamixel and Feetech bus servos. The line is half-duplex: nothing is said before an answer has come, or is overdue.
 class ServoBus final : public BoardLink {
@@ -177,7 +37,10 @@ class ServoBus final : public BoardLink {
     std::string open(std::span<WireValue> positions) override;
     void close() override;
     LinkProblem activate() override;
-    void deactivate() override { switch_torque_off(settings_.channels); }
+    void deactivate() override {
+        watching_ = false;
+        switch_torque_off(settings_.channels);
+    }
     LinkProblem write(std::span<const ChannelTarget> targets, std::span<Transfer> transfers) override {
         return write_in_one(line_, dynamixel_ ? dynamixel::write_targets(targets) : feetech::write_targets(targets),
                             10.0 / settings_.baud, transfers);
@@ -205,8 +68,11 @@ class ServoBus final : public BoardLink {
     LinkProblem read_all(const Register& r, std::span<const int> ids, std::map<int, int>& values);
     LinkProblem problem_of(const StatusPacket& p);
     void find_all(std::span<WireValue> positions);
+    void let_go(int id);
+    void use_mode(int id);
     void prepare(int id, int position);
     int own_speed(double share) const;
+    LinkProblem started_anew(const Register& r, int id, int value) const;
     void switch_torque_off(std::span<const int> ids);
     bool limits_force(int id) const {
         return std::find(settings_.force_channels.begin(), settings_.force_channels.end(), id) !=
@@ -228,7 +94,8 @@ class ServoBus final : public BoardLink {
     bool dynamixel_;
     StatusReader reader_;
     double asked_ = 0;  ///< when servos answered last [s of device_clock]
-    std::size_t next_watchdog_ = 0;
+    std::size_t next_turn_ = 0;
+    bool watching_ = false;  ///< activated: registers that forget what was set tell of a servo that started anew
 };
 
 /// When `replies` of so many bytes of data must all have come.
@@ -328,23 +195,43 @@ int ServoBus::own_speed(double share) const {
     return int(std::clamp(std::ceil(units), 1.0, 32000.0));
 }
 
-/// Torque off, goal where the servo is, limits, watchdog; nothing moves.
+/// Torque off, so that its mode may be changed, and it cannot move while it is.
+void ServoBus::let_go(int id) {
+    if (dynamixel_) set(id, watchdog, 0);  // one that has bitten refuses everything else
+    set(id, torque_enable(), 0);
+    use_mode(id);
+}
+
+/// Modes are kept without supply, and another program may have set any. They are read, and refused by name; only what
+/// force mode needs is set, and taken back, for a run that was killed leaves it behind.
+void ServoBus::use_mode(int id) {
+    const Register mode{dynamixel_ ? dynamixel::operating_mode : feetech::mode, 1, "operating mode"};
+    const auto refuse = [&](const std::string& problem) {
+        if (!problem.empty())
+            throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) + " is in " + problem);
+    };
+    if (!dynamixel_) return refuse(feetech_mode_problem(ask(id, mode)));
+    refuse(dynamixel_drive_problem(ask(id, {dynamixel::drive_mode, 1, "drive mode"})));
+    if (!limits_force(id)) {
+        const int found = ask(id, mode);
+        if (found == int(dynamixel::current_based_position)) return set(id, mode, dynamixel::plain_position);
+        return refuse(dynamixel_mode_problem(found));
+    }
+    try {
+        set(id, mode, dynamixel::current_based_position);
+    } catch (const std::runtime_error& error) {
+        throw std::runtime_error(std::string(error.what()) +
+                                 "; it has no current-based position mode, which mode = \"force\" needs");
+    }
+}
+
+/// Goal where the servo is, limits; nothing moves.
 void ServoBus::prepare(int id, int position) {
     if (position <= least_place || position >= most_place)  // told to hold still, it would turn
         throw std::runtime_error(settings_.port + ": servo " + std::to_string(id) +
                                  " stands beyond what can be commanded: turn it back by hand, without its supply");
-    if (dynamixel_) set(id, watchdog, 0);  // one that has bitten refuses everything else
-    set(id, torque_enable(), 0);
-    if (limits_force(id) && dynamixel_) {
-        const Register mode{dynamixel::operating_mode, 1, "operating mode"};
-        try {
-            set(id, mode, dynamixel::current_based_position);
-        } catch (const std::runtime_error& error) {
-            throw std::runtime_error(std::string(error.what()) +
-                                     "; it has no current-based position mode, which mode = \"force\" needs");
-        }
+    if (limits_force(id) && dynamixel_)
         set(id, {dynamixel::goal_current, 2, "goal current"}, 0);  // no force before the first limit comes
-    }
     const double acceleration = settings_.acceleration_units_per_s2;
     if (acceleration > 0 && dynamixel_)  // 214.577 turns per minute^2
         set(id, {dynamixel::profile_acceleration, 4, "acceleration limit"},
@@ -375,7 +262,10 @@ void ServoBus::find_all(std::span<WireValue> positions) {
 std::string ServoBus::open(std::span<WireValue> positions) try {
     close();
     line_.open(settings_.port, settings_.baud);
+    watching_ = false;
     find_all(positions);
+    for (int c : settings_.channels) let_go(c);
+    find_all(positions);  // places count anew in another mode, and what is let go may sag
     for (int c : settings_.channels) prepare(c, positions[std::size_t(c)]);
     return "";
 } catch (const std::exception& error) {
@@ -387,6 +277,7 @@ LinkProblem ServoBus::activate() try {
     for (int c : settings_.channels) set(c, torque_enable(), 1);
     if (dynamixel_)
         for (int c : settings_.channels) set(c, watchdog, watchdog_ticks);
+    watching_ = true;
     return {};
 } catch (const std::exception& error) { return {error.what(), true, FaultKind::refused}; }
 
@@ -419,21 +310,34 @@ void ServoBus::close() {
     reader_.clear();
 }
 
-/// One servo's watchdog in each turn; those of all after a pause, before anything is sent.
+/// A servo whose supply failed for a moment answers as ever, but holds nothing, and has forgotten what was set since.
+LinkProblem ServoBus::started_anew(const Register& r, int id, int value) const {
+    const std::string servo = "servo " + std::to_string(id);
+    if (dynamixel_ && value == 0xFF)
+        return {"the watchdog of " + servo + " has bitten: it does not listen any more", true, FaultKind::watchdog};
+    const bool kept = dynamixel_ ? value == watchdog_ticks : value != 0;  // a speed limit changes after the first move
+    if (!watching_ || kept) return {};
+    return {servo + " has started anew, as where its supply fails for a moment: its " + r.name + " is " +
+                std::to_string(value) + ", and was set",
+            true, FaultKind::watchdog};
+}
+
+/// One servo in each turn, all after a pause, before anything is sent: watchdogs; a Feetech servo, which has none, is
+/// asked for its torque switch and its speed limit, by turns.
 LinkProblem ServoBus::feed() {
-    if (!dynamixel_) return line_.is_open() ? LinkProblem{} : LinkProblem{"the serial port is not open", true};
     if (settings_.channels.empty()) return {};
+    if (!line_.is_open()) return {"the serial port is not open", true};
     const bool all = device_clock() - asked_ > ask_first_after;
-    const std::size_t turn = next_watchdog_++ % settings_.channels.size();
+    const std::size_t count = settings_.channels.size(), turn = next_turn_++, of = turn % count;
+    const bool limited = settings_.speed_units_per_s > 0;
+    const Register r = dynamixel_ ? watchdog : limited && turn / count % 2 ? speed() : torque_enable();
     const std::span<const int> ids(settings_.channels);
     std::map<int, int> values;
-    const LinkProblem problem = read_all(watchdog, all ? ids : ids.subspan(turn, 1), values);
+    const LinkProblem problem = read_all(r, all ? ids : ids.subspan(of, 1), values);
     for (const auto& [id, value] : values)
-        if (value == 0xFF)
-            return {"the watchdog of servo " + std::to_string(id) + " has bitten: it does not listen any more", true,
-                    FaultKind::watchdog};
+        if (const LinkProblem found = started_anew(r, id, value)) return found;
     if (!problem && values.empty())
-        return {"servo " + std::to_string(ids[turn]) + " does not answer", false, FaultKind::silent};
+        return {"servo " + std::to_string(ids[of]) + " does not answer", false, FaultKind::silent};
     return problem;
 }
 
@@ -458,7 +362,7 @@ std::unique_ptr<BoardLink> make_serial_bus(const SerialBusSettings& settings) {
         throw std::runtime_error(
             settings.port +
             ": this protocol cannot tell whether servos let go when this program is killed; --no-watchdog goes on");
-    if (settings.protocol == SerialProtocol::maestro_compact) return std::make_unique<CompactLink>(settings);
+    if (settings.protocol == SerialProtocol::maestro_compact) return make_compact_link(settings);
     return std::make_unique<ServoBus>(settings);
 }
 

@@ -23,7 +23,7 @@ Bytes get_errors();               ///< the same; clears them
 }  // namespace compact
 
 namespace dynamixel {
-inline constexpr int operating_mode = 11, torque_enable = 64, hardware_error = 70, bus_watchdog = 98,
+inline constexpr int drive_mode = 10, operating_mode = 11, torque_enable = 64, hardware_error = 70, bus_watchdog = 98,
                      goal_current = 102, profile_acceleration = 108, profile_velocity = 112, goal_position = 116,
                      present_position = 132;
 /// Operating modes: a position; a position with a limited current.
@@ -49,8 +49,9 @@ LinkProblem problem_of(int id, int error, int hardware);
 
 namespace feetech {
 inline constexpr std::uint8_t broadcast = 0xFE;
-inline constexpr int torque_enable = 40, acceleration = 41, goal_position = 42, goal_speed = 46, torque_limit = 48,
-                     present_position = 56;
+inline constexpr int plain_position = 0;  ///< of its mode
+inline constexpr int mode = 33, torque_enable = 40, acceleration = 41, goal_position = 42, goal_speed = 46,
+                     torque_limit = 48, present_position = 56;
 Bytes instruction(std::uint8_t id, std::uint8_t what, std::span<const std::uint8_t> parameters);
 Bytes write_register(std::uint8_t id, int address, int size, std::uint32_t value);
 Bytes read_register(std::uint8_t id, int address, int size);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "meshes/input_error.h"
+#include "scenes/trackers/hand_doubts.h"
 #include "scenes/trackers/hand_source.h"
 
 namespace palpate {
@@ -180,7 +181,15 @@ void read_followed(Section& s, Scene& scene, const HandSource& source, FingerMot
         auto read =
             std::make_shared<HandRecording>(read_hand_recording(source.file, hand_names[std::size_t(motion.hand)]));
         read->loop = source.loop;
-        recording = std::move(read);
+        recording = read;  // also where it is refused: other fingers need not say so again
+        if (const std::string problem = recorded_time_problem(*read); !problem.empty())
+            s.doubt("follow", source.file.string() + ": " + problem);
+        const BoneTally bones = bones_of(*read);
+        if (const std::string problem = bone_problem(bones); !problem.empty()) {
+            const std::string text = source.file.string() + ": " + problem;
+            if (bones_are_impossible(bones)) throw InputError(text);  // trackers may be off, but not by so much
+            s.doubt("follow", text);
+        }
     } catch (const InputError& error) { s.complain_as_found("follow", error.messages); }
 }
 

@@ -21,6 +21,7 @@
 #include "scenes/run/dead_man.h"
 #include "scenes/run/hardware.h"
 #include "scenes/run/wrapped.h"
+#include "scenes/trackers/hand_doubts.h"
 #include "scenes/viewer/report.h"
 
 namespace palpate {
@@ -101,6 +102,15 @@ void tell_news(DeadMan& dead_man, Progress& progress) {
     std::fprintf(stderr, "%s\n", news.c_str());
 }
 
+/// What is likely wrong with the hands that come, once each.
+void tell_doubts(DoubtTeller& doubts, const Simulation& simulation, Progress& progress) {
+    if (!simulation.live) return;
+    for (const std::string& text : doubts.news(simulation.live->mailbox)) {
+        progress.clear();
+        std::fprintf(stderr, "warning: live hand: %s\n", text.c_str());
+    }
+}
+
 /// What thimbles went through, and where they are now: whatever becomes of the results.
 void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, const DeadMan* dead_man, bool stopped) {
     if (!simulation.hardware) return;
@@ -161,6 +171,15 @@ void refuse_film_in_real_time(const RunArguments& a, const std::string& tracker)
                      "wait for; --record run.palpate, then palpate replay run.palpate --video " + a.video);
 }
 
+/// Live hands, where the arguments or the scene name a tracker.
+void follow_tracker(const RunArguments& a, Simulation& simulation) {
+    const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
+    refuse_film_in_real_time(a, source);
+    if (source.empty()) return;
+    follow_live(simulation, std::make_shared<LiveHands>(source));
+    if (!a.quiet && !a.json) std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
+}
+
 void refuse_to_lose_files(const RunArguments& a) {
     refuse_to_replace("--record", a.record, Output::recording);
     refuse_to_replace("--report", a.report, Output::report);
@@ -177,11 +196,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
-    const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
-    refuse_film_in_real_time(a, source);
-    if (!source.empty()) follow_live(simulation, std::make_shared<LiveHands>(source));
-    if (simulation.live && !a.quiet && !a.json)
-        std::printf("hands are expected from %s\n", simulation.live->source->about().c_str());
+    follow_tracker(a, simulation);
     ReportRecorder report;
     PressureScales scales;
     PictureSettings picture;
@@ -206,12 +221,14 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     std::unique_ptr<Stream> stream;
     if (!a.stream.target.empty()) stream = std::make_unique<Stream>(a.stream), tell_address(*stream);
     RearmKey rearm_key;
+    DoubtTeller doubts;
     if (dead_man && dead_man->uses_terminal) rearm_key.listens = false;
     run(
         simulation, stop,
         [&](const StepInputs& inputs, double share) {
             if (a.arm) rearm_key.look(simulation);
             if (dead_man) obey_dead_man(*dead_man, simulation), tell_news(*dead_man, progress);
+            tell_doubts(doubts, simulation, progress);
             scales.record(simulation);
             if (!a.report.empty()) report.record(simulation);
             if (record) record->record(inputs, simulation);

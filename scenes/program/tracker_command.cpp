@@ -11,8 +11,10 @@
 #include "scenes/load/scene.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/outputs.h"
+#include "scenes/trackers/hand_doubts.h"
 #include "scenes/trackers/hand_source.h"
 #include "scenes/trackers/pinch_fit.h"
+#include "scenes/trackers/recorded_time.h"
 #include "scenes/trackers/ultraleap.h"
 
 namespace palpate {
@@ -32,6 +34,18 @@ bool is_file(const std::string& source) {
 
 /// Frames of both hands as they came; a hand without frames stays empty.
 using Hands = std::array<HandRecording, 2>;
+
+void describe_bones(const BoneTally& bones) {
+    if (bones.frames() == 0) return;
+    const std::string problem = bone_problem(bones);
+    if (problem.empty())
+        std::printf(
+            "  rotations agree with positions: distal bones point less than %.0f degrees beside their tips "
+            "(median)\n",
+            2 + bones.median(BoneReading::meant));
+    else
+        std::printf("  %s\n", problem.c_str());
+}
 
 void describe(const Hands& hands) {
     for (std::size_t side : {1u, 0u}) {
@@ -56,6 +70,9 @@ void describe(const Hands& hands) {
                     intervals[std::size_t(0.95 * double(intervals.size() - 1))], intervals.back());
         std::printf("; unseen in %d, jumps of a finger by 50 mm %d, flips %d\n", unseen, jumps, flips);
         if (!hands[side].note.empty()) std::printf("  %s\n", hands[side].note.c_str());
+        if (const std::string problem = recorded_time_problem(hands[side]); !problem.empty())
+            std::printf("  %s\n", problem.c_str());
+        describe_bones(bones_of(hands[side]));
     }
 }
 
@@ -113,12 +130,14 @@ void print_fit(const TrackerArguments& a, const Hands& hands) {
 struct Keeper {
     std::mutex mutex;
     Hands hands;
+    RecordedTime times;
     std::string path;  ///< of the file; empty: none
     std::ofstream file;
     std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
     void keep(int hand, HandFrame frame) {
         const std::lock_guard lock(mutex);
-        frame.time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        const auto arrival = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        frame.time = times.of(hand, arrival, frame.own_time);
         if (!file.is_open() && !path.empty()) {  // no frame, no file: one that is there is not lost to nothing
             file.open(path);
             file << hand_header() << "\n";
@@ -141,20 +160,28 @@ void watch(const TrackerArguments& a, Hands& hands, const std::atomic<bool>& sto
         LiveHands live(a.source, a.any_address, [&](int hand, const HandFrame& f) { keeper.keep(hand, f); });
         std::printf("%s%s\n", live.source->about().c_str(), a.seconds > 0 ? "" : "   (Ctrl-C ends)");
         std::fflush(stdout);
+        DoubtTeller doubts;
         for (int k = 1; !stop && (a.seconds <= 0 || k <= int(std::ceil(10 * a.seconds))); ++k) {
             std::this_thread::sleep_for(std::chrono::milliseconds(100));
             if (k % 10) continue;
             const HandTiming t = live.mailbox.timing();
-            std::string seen;
-            for (int hand : {1, 0})
-                if (live.mailbox.newest(hand, 1).valid) seen += std::string(" ") + hand_names[std::size_t(hand)];
+            std::string seen, still;
+            for (int hand : {1, 0}) {
+                const std::string name = std::string(" ") + hand_names[std::size_t(hand)];
+                if (live.mailbox.newest(hand, 1).valid) seen += name;
+                if (live.mailbox.stands_still(hand)) still += name;
+            }
             std::printf("%5.1f Hz, every %.1f ms (95 %% within %.1f)", t.rate_Hz, t.interval_ms, t.interval_p95_ms);
             if (t.has_clock)
                 std::printf(", behind the fastest frame by %.1f ms (95 %% within %.1f)", t.delay_ms, t.delay_p95_ms);
-            std::printf(";%s\n", seen.empty() ? " no hand is seen" : seen.c_str());
+            std::printf(";%s", seen.empty() ? " no hand is seen" : seen.c_str());
+            std::printf("%s%s\n", still.empty() ? "" : "; time stands still:", still.c_str());
+            for (const std::string& text : doubts.news(live.mailbox)) std::printf("  %s\n", text.c_str());
             std::fflush(stdout);
         }
         std::printf("%s\n", to_text(live.mailbox.counts()).c_str());
+        for (const HandDoubt& doubt : hand_doubts(live.mailbox))  // of rotations the description tells
+            if (doubt.key != std::string("bones")) std::printf("  %s\n", doubt.text.c_str());
     }
     hands = std::move(keeper.hands);
 }

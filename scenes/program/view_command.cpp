@@ -18,6 +18,7 @@
 #include "scenes/run/carry_over.h"
 #include "scenes/run/dead_man.h"
 #include "scenes/run/hardware.h"
+#include "scenes/trackers/hand_doubts.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 
@@ -250,6 +251,14 @@ struct LiveRun {
         silent = now;
     }
 
+    DoubtTeller doubts{};
+    /// Says what is likely wrong with the hands that come, once each.
+    void tell_doubts() {
+        if (!hands) return;
+        for (const std::string& text : doubts.news(hands->mailbox))
+            std::fprintf(stderr, "warning: live hand: %s\n", text.c_str());
+    }
+
     std::string preset_now() const {
         const Simulation& s = *simulation;
         return preset_names()[std::size_t(s.governor ? s.governor->preset : s.scene.preset)];
@@ -361,6 +370,7 @@ int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
             append_frame(frame, *live.simulation, live.rendered_pads->ask(*live.simulation), *live.drawn_hands, since);
             live.tell_faults();
             live.tell_silence();
+            live.tell_doubts();
             live.tell_pace();
             server.publish(frame);
             since = {};

@@ -5,6 +5,7 @@
 
 #include "scenes/run/hardware.h"
 #include "scenes/run/soft_series.h"
+#include "scenes/trackers/hand_doubts.h"
 
 namespace palpate {
 
@@ -153,6 +154,8 @@ Summary summarise(const Simulation& s) {
     out.bodies = summarise_bodies(s);
     for (std::size_t k = 0; k < s.world.soft.all.size(); ++k) out.soft_objects.push_back(summarise_soft(s, k));
     out.warnings = s.scene.warnings;
+    if (s.live)
+        for (const HandDoubt& doubt : hand_doubts(s.live->mailbox)) out.warnings.push_back("live hand: " + doubt.text);
     return out;
 }
 

@@ -189,7 +189,7 @@ std::string run_remarks(const Summary& s) {
     count(s.missing_samples, "times a finger had no valid tracker sample");
     count(s.slowed_steps,
           "times a tracked pose jumped and was slowed to coupling.max_speed_m_per_s or max_spin_deg_per_s");
-    count(std::int64_t(s.warnings.size()), "warnings about the scene (summary.json has them)");
+    count(std::int64_t(s.warnings.size()), "warnings about the scene or the hand (summary.json has them)");
     count(s.contact_growths,
           "times a finger needed memory for more objects near it than before (the only steps that allocate)");
     if (!s.overlap.empty()) out += wrapped(s.overlap);

@@ -1,6 +1,7 @@
 #include "scenes/trackers/hand_mailbox.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "scenes/web/bounded_json.h"
@@ -20,23 +21,65 @@ double quantile(std::vector<double>& values, double share) {
 }
 }  // namespace
 
-void HandMailbox::take(int hand, const HandFrame& frame, std::optional<double> time) {
+void HandMailbox::take(int hand, const HandFrame& frame, std::optional<double> time, const std::string& sender) {
     {
         const std::lock_guard lock(mutex_);
         Hand& h = hands_[std::size_t(hand)];
         const auto now = Clock::now();
-        // A second back is a tracker that was started anew; less is a frame that was overtaken.
-        if (time && h.time && *time<*h.time&& * time> * h.time - 1) {
-            ++counts_.backward;
-            return;
-        }
-        h = {frame, now, time};
-        if (frame.valid) ++counts_.frames[std::size_t(hand)];
+        if (!welcome(h, frame, time, sender, now)) return;
+        if (time) count_fast(h, *time, now);
+        h.frame = frame, h.arrived = now, h.time = time, h.stands = false;
+        if (frame.valid) ++counts_.frames[std::size_t(hand)], bones_.add(frame.bones);
         // Both hands of one frame are one arrival.
         if (arrivals_.empty() || !time || arrivals_.back().time != time) arrivals_.push_back({now, time});
         if (arrivals_.size() > remembered_arrivals) arrivals_.pop_front();
     }
-    if (listener_ && frame.valid) listener_(hand, frame);
+    if (!listener_ || !frame.valid) return;
+    HandFrame told = frame;
+    told.own_time = time;
+    listener_(hand, told);
+}
+
+bool HandMailbox::welcome(Hand& h, const HandFrame& frame, std::optional<double> time, const std::string& sender,
+                          Clock::time_point now) {
+    switch (h.order.judge(now, time, sender)) {
+        case FrameVerdict::taken:
+            if (counts_.sender != sender) counts_.sender = sender;
+            return true;
+        case FrameVerdict::overtaken:
+            ++counts_.backward;
+            return false;
+        case FrameVerdict::standing:
+            ++counts_.standing;
+            h.stood_at = now;
+            // What it saw at that time is old; that it sees nothing is believed at any time.
+            h.frame.valid = h.frame.valid && frame.valid;
+            if (h.frame.valid && !h.stands && now - h.arrived >= stale) h.stands = true, ++counts_.standstills;
+            return false;
+        case FrameVerdict::other_sender:
+            ++counts_.other_sender;
+            counts_.refused_sender = sender;
+            return false;
+        case FrameVerdict::other_clock:
+            ++counts_.other_clock;
+            if (sender != counts_.sender) counts_.refused_sender = sender;
+            return false;
+    }
+    return false;
+}
+
+/// Trackers give frames a few hundredths of a second apart. Where their times are a quarter of a second apart or more,
+/// and that did not take a thirtieth of it, they are no seconds.
+void HandMailbox::count_fast(const Hand& h, double time, Clock::time_point now) {
+    if (!h.time) return;
+    const double on = time - *h.time, lasted = std::chrono::duration<double>(now - h.arrived).count();
+    if (on < 0.25 || lasted > on / 30) return;
+    ++counts_.fast, counts_.fast_s += on, counts_.fast_lasted_s += lasted;
+}
+
+void HandMailbox::forget(const std::string& sender) {
+    const std::lock_guard lock(mutex_);
+    for (Hand& hand : hands_) hand.order.forget(sender);
 }
 
 void HandMailbox::count_malformed(std::string problem) {
@@ -62,8 +105,10 @@ HandCounts HandMailbox::counts() const {
 
 HandTiming HandMailbox::timing() const {
     std::vector<Arrival> arrivals;
+    bool seconds_by_appearance;
     {
         const std::lock_guard lock(mutex_);
+        seconds_by_appearance = 2 * counts_.fast <= counts_.frames[0] + counts_.frames[1];
         const auto oldest = Clock::now() - timing_window;
         for (const Arrival& a : arrivals_)
             if (a.at > oldest) arrivals.push_back(a);
@@ -78,13 +123,28 @@ HandTiming HandMailbox::timing() const {
     }
     t.rate_Hz = double(intervals.size()) / seconds(arrivals.back().at - arrivals.front().at);
     t.interval_ms = quantile(intervals, 0.5), t.interval_p95_ms = quantile(intervals, 0.95);
-    t.has_clock = delays.size() == arrivals.size();
+    t.has_clock = delays.size() == arrivals.size() && seconds_by_appearance;
     if (t.has_clock) {
+        // A frame by another clock, before it was known for that, or of a tracker that was started anew since.
+        const double newest = delays.back();
+        std::erase_if(delays, [&](double d) { return std::abs(d - newest) > 1000; });
         // The clocks' offset is that of the frame that came fastest.
         const double offset = *std::min_element(delays.begin(), delays.end());
         t.delay_ms = quantile(delays, 0.5) - offset, t.delay_p95_ms = quantile(delays, 0.95) - offset;
     }
     return t;
+}
+
+BoneTally HandMailbox::bones() const {
+    const std::lock_guard lock(mutex_);
+    return bones_;
+}
+
+bool HandMailbox::stands_still(int hand) const {
+    const std::lock_guard lock(mutex_);
+    const Hand& h = hands_[std::size_t(hand)];
+    const auto now = Clock::now();
+    return h.stands && now - h.stood_at < stale;
 }
 
 TrackerPose::Sample HandMailbox::newest(int hand, int finger) const {
@@ -103,7 +163,7 @@ double HandMailbox::arrived_at(int hand) const {
     return std::chrono::duration<double>(h.arrived.time_since_epoch()).count();
 }
 
-void take_joints(HandMailbox& mailbox, const char* text, std::size_t size) {
+void take_joints(HandMailbox& mailbox, const char* text, std::size_t size, const std::string& sender) {
     std::string wrong;
     const auto json = parse_object({text, size}, wrong);
     if (!wrong.empty()) return mailbox.count_malformed(std::move(wrong));
@@ -122,7 +182,7 @@ void take_joints(HandMailbox& mailbox, const char* text, std::size_t size) {
     if (!wrong.empty()) return mailbox.count_malformed(std::move(wrong));
     std::optional<double> time;
     if (t != json.end()) time = t->get<double>();
-    mailbox.take(int(name - hand_names.begin()), frame, time);
+    mailbox.take(int(name - hand_names.begin()), frame, time, sender);
 }
 
 }  // namespace palpate

@@ -26,7 +26,10 @@ Matrix3d to_z_up(bool y_up) {
     return R;
 }
 
-void set_finger(HandFrame& frame, int finger, const Vector3d& joint, const Vector3d& tip, const Matrix3d& bone) {
+void set_finger(HandFrame& frame, int finger, const Vector3d& tracked_joint, const Vector3d& tracked_tip,
+                const Matrix3d& tracked_bone, const HandFrameUnits& units) {
+    const Matrix3d up = to_z_up(units.y_up), bone = up * tracked_bone;
+    const Vector3d joint = units.scale * (up * tracked_joint), tip = units.scale * (up * tracked_tip);
     const Vector3d distal = -bone.col(2).normalized();
     const Vector3d dorsal = (bone.col(1) - bone.col(1).dot(distal) * distal).normalized();
     Matrix3d R;
@@ -35,6 +38,16 @@ void set_finger(HandFrame& frame, int finger, const Vector3d& joint, const Vecto
     const Vector3d p = 0.5 * (joint + tip);
     frame.finger[std::size_t(finger)] = {{p.x(), p.y(), p.z()}, {q.w(), q.x(), q.y(), q.z()}};
     frame.length[std::size_t(finger)] = (tip - joint).norm();
+    const Vector3d to_tip = (tip - joint).normalized();
+    frame.to_tip[std::size_t(finger)] = {to_tip.x(), to_tip.y(), to_tip.z()};
+    frame.bones[std::size_t(finger)] = bone_angles(tracked_joint, tracked_tip, tracked_bone);
+}
+
+BoneTally bones_of(const HandRecording& recording) {
+    BoneTally tally;
+    for (const HandFrame& frame : recording.frames)
+        if (frame.valid) tally.add(frame.bones);
+    return tally;
 }
 
 void add_frame(HandRecording& recording, HandFrame frame, double time, const std::filesystem::path& path, int line) {
@@ -122,18 +135,16 @@ std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& un
 }
 
 void set_fingers(HandFrame& frame, const std::array<HandJoint, hand_joint_count>& joints, const HandFrameUnits& units) {
-    const Matrix3d up = to_z_up(units.y_up);
-    const auto place = [&](const HandJoint& joint) -> Vector3d {
-        return units.scale * (up * Vector3d(joint.position.data()));
-    };
+    const auto place = [&](const HandJoint& joint) { return Vector3d(joint.position.data()); };
+    const auto finite = [&](const HandJoint& joint) { return (units.scale * place(joint)).allFinite(); };
     for (int f = 0; f < 5; ++f) {
         const HandJoint &distal = joints[std::size_t(distal_joint(f))], &tip = joints[std::size_t(distal_joint(f) + 1)];
         const Eigen::Quaterniond q(distal.rotation[3], distal.rotation[0], distal.rotation[1], distal.rotation[2]);
-        if (!(q.norm() > 1e-3) || !std::isfinite(q.norm()) || !place(distal).allFinite() || !place(tip).allFinite()) {
+        if (!(q.norm() > 1e-3) || !std::isfinite(q.norm()) || !finite(distal) || !finite(tip)) {
             frame.valid = false;
             continue;
         }
-        set_finger(frame, f, place(distal), place(tip), up * q.normalized().toRotationMatrix());
+        set_finger(frame, f, place(distal), place(tip), q.normalized().toRotationMatrix(), units);
     }
 }
 
@@ -167,7 +178,9 @@ std::string hand_line(int hand, const HandFrame& frame) {
         const Eigen::Quaterniond q(axes);
         const auto first = std::size_t(distal_joint(f));
         for (std::size_t end : {0u, 1u}) {
-            const Vec3<double> p = pose.position + ((end ? 0.5 : -0.5) * frame.length[std::size_t(f)]) * distal;
+            // Where they were, also where rotations say otherwise: a recording shows what was sent.
+            const Vec3<double> p =
+                pose.position + ((end ? 0.5 : -0.5) * frame.length[std::size_t(f)]) * frame.to_tip[std::size_t(f)];
             joints[first + end] = {p.x, p.y, p.z, q.x(), q.y(), q.z(), q.w(), 0};
         }
     }

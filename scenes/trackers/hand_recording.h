@@ -5,10 +5,12 @@
 #include <array>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "engine/world.h"
+#include "scenes/trackers/bone_axes.h"
 
 namespace palpate {
 
@@ -20,8 +22,11 @@ inline constexpr std::array<const char*, 2> hand_names{"left", "right"};
 struct HandFrame {
     double time = 0;  ///< from the first frame [s]
     bool valid = false;
+    std::optional<double> own_time{};  ///< by the tracker's clock, if it has one; of live hands [s]
     std::array<Pose<double>, 5> finger;
-    std::array<double, 5> length{};  ///< from distal joint to tip [m]
+    std::array<double, 5> length{};        ///< from distal joint to tip [m]
+    std::array<Vec3<double>, 5> to_tip{};  ///< unit vector from distal joint to tip, whatever rotations say; 0: none
+    std::array<BoneAngles, 5> bones{no_bone_angles, no_bone_angles, no_bone_angles, no_bone_angles, no_bone_angles};
 };
 
 struct HandRecording {
@@ -40,10 +45,10 @@ struct HandFrameUnits {
 /// World axes from a tracker's: z up, from y up where it is so.
 Eigen::Matrix3d to_z_up(bool y_up);
 
-/// Puts a finger into a frame by its distal joint and tip [m], with the bone's axes (columns: x sideways, y dorsal,
-/// z proximal, as both OpenXR and Leap Motion give them).
+/// Puts a finger into a frame by its distal joint and tip, with the bone's axes (columns: x sideways, y dorsal,
+/// z proximal, as both OpenXR and Leap Motion give them), all in the tracker's unit and axes.
 void set_finger(HandFrame& frame, int finger, const Eigen::Vector3d& joint, const Eigen::Vector3d& tip,
-                const Eigen::Matrix3d& bone);
+                const Eigen::Matrix3d& bone, const HandFrameUnits& units);
 
 /// A joint as a tracker gives it.
 struct HandJoint {
@@ -68,6 +73,9 @@ std::string read_hand_frame(const nlohmann::json& json, const HandFrameUnits& un
 /// Appends a frame [s from the first], one that repeats the last one's time apart. Throws InputError where time runs
 /// backward.
 void add_frame(HandRecording& recording, HandFrame frame, double time, const std::filesystem::path& path, int line);
+
+/// How far its rotations and positions agree.
+BoneTally bones_of(const HandRecording& recording);
 
 /// Reads JSON lines (a header with units and up axis, then {"t", "hand", "valid", "joints": 26 x
 /// [x, y, z, qx, qy, qz, qw, radius]}, joints ordered and oriented as in XR_EXT_hand_tracking) or the CSV of the

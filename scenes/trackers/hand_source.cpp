@@ -61,6 +61,9 @@ std::string to_text(const HandCounts& c) {
                        " of the left, " + std::to_string(c.malformed) + " messages that were none";
     if (c.malformed) text += " (the last: " + c.last_problem + ")";
     if (c.backward) text += ", " + std::to_string(c.backward) + " out of order";
+    if (c.standing) text += ", " + std::to_string(c.standing) + " whose time stood still";
+    if (c.other_sender) text += ", " + std::to_string(c.other_sender) + " of another sender (" + c.refused_sender + ")";
+    if (c.other_clock) text += ", " + std::to_string(c.other_clock) + " by another clock";
     if (c.lost) text += ", " + std::to_string(c.lost) + " lost on the way";
     if (c.connections > 1) text += ", connected " + std::to_string(c.connections) + " times";
     return text;

@@ -170,7 +170,6 @@ HandRecording read_leap_csv(const std::filesystem::path& path, const std::string
     std::array<double, 5> twist = usual_twist;
     for (double& t : twist) t *= right ? 1 : -1;
     HandRecording recording;
-    const Matrix3d up = to_z_up(true);
     double first_time = 0;
     bool started = false;
     for (int number = 2; std::getline(in, line); ++number) {
@@ -198,7 +197,7 @@ HandRecording read_leap_csv(const std::filesystem::path& path, const std::string
                 frame.valid = false;  // joints that coincide say nothing
                 continue;
             }
-            set_finger(frame, int(f), up * (1e-3 * joint), up * (1e-3 * tip), up * basis);
+            set_finger(frame, int(f), joint, tip, basis, {1e-3, true});
         }
         add_frame(recording, frame, time - first_time, path, number);
     }

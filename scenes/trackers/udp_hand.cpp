@@ -14,6 +14,12 @@ namespace palpate {
 
 namespace {
 
+std::string name_of(const sockaddr_in& from) {
+    char text[INET_ADDRSTRLEN] = "";
+    inet_ntop(AF_INET, &from.sin_addr, text, sizeof text);
+    return std::string(text) + ":" + std::to_string(ntohs(from.sin_port));
+}
+
 class UdpHands : public HandSourceThread {
   public:
     UdpHands(HandMailbox& mailbox, int socket, int port)
@@ -32,8 +38,11 @@ class UdpHands : public HandSourceThread {
         while (!ending_) {
             pollfd p{socket_, POLLIN, 0};
             if (poll(&p, 1, 100) <= 0) continue;
-            const ssize_t n = recv(socket_, buffer.data(), buffer.size(), 0);
-            if (n > 0) take_joints(mailbox_, buffer.data(), std::size_t(n));
+            sockaddr_in from{};
+            socklen_t size = sizeof from;
+            const ssize_t n =
+                recvfrom(socket_, buffer.data(), buffer.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
+            if (n > 0) take_joints(mailbox_, buffer.data(), std::size_t(n), name_of(from));
         }
     }
     HandMailbox& mailbox_;

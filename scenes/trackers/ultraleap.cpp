@@ -53,7 +53,6 @@ std::string read_hands(const json& frame, std::array<HandFrame, 2>& hands) {
     const auto all = frame.find("hands"), pointables = frame.find("pointables");
     if (all == frame.end() || !all->is_array() || pointables == frame.end() || !pointables->is_array())
         return "a frame without \"hands\" and \"pointables\"";
-    const Eigen::Matrix3d up = to_z_up(true);
     for (const json& hand : *all) {
         if (!hand.is_object() || !hand.contains("id") || !hand["id"].is_number() || !hand.contains("type"))
             return "hands: expected \"id\" and \"type\"";
@@ -71,7 +70,7 @@ std::string read_hands(const json& frame, std::array<HandFrame, 2>& hands) {
             if (!read_vector(p, "dipPosition", joint) || !read_distal_axes(p, axes) ||
                 !(read_vector(p, "btipPosition", tip) || read_vector(p, "tipPosition", tip)))
                 return "pointables: expected dipPosition, btipPosition and 4 bases";
-            set_finger(out, type->get<int>(), 1e-3 * (up * joint), 1e-3 * (up * tip), up * axes);
+            set_finger(out, type->get<int>(), joint, tip, axes, {1e-3, true});
             found |= 1 << type->get<int>();
         }
         out.valid = found == 31;

@@ -14,10 +14,11 @@ class WebsocketHands : public HandSourceThread {
         if (any_address) token_ = random_token();
         WebHandlers handlers;
         handlers.accepts = [this](const HttpHead& head, const WebPeer& peer) { return accepts(head, peer); };
-        handlers.message = [this](const WebPeer&, const std::string& text) {
-            take_joints(mailbox_, text.data(), text.size());
+        handlers.message = [this](const WebPeer& peer, const std::string& text) {
+            take_joints(mailbox_, text.data(), text.size(), name_of(peer));
             return true;
         };
+        handlers.gone = [this](const WebPeer& peer) { mailbox_.forget(name_of(peer)); };
         handlers.too_large = [this] { mailbox_.count_malformed("a message of more than 64 kB"); };
         try {
             server_ = std::make_unique<WebServer>(port, any_address, std::move(handlers));
@@ -33,6 +34,7 @@ class WebsocketHands : public HandSourceThread {
     int port() const override { return server_->port(); }
 
   private:
+    static std::string name_of(const WebPeer& peer) { return "connection " + std::to_string(peer.id); }
     /// A page of another site must not move the hands of whoever visits it; one served by this machine may. From other
     /// machines, and for their pages, it takes the token.
     bool accepts(const HttpHead& head, const WebPeer& peer) {

@@ -274,7 +274,9 @@ void WebServer::State::remove_closed() {
     std::erase_if(connections, [&](const Connection& c) {
         if (!c.closed) return false;
         ::close(c.fd);
-        sockets -= c.stage == Connection::Stage::socket;
+        if (c.stage != Connection::Stage::socket) return true;
+        --sockets;
+        if (handlers.gone) handlers.gone(c.peer);
         return true;
     });
 }

@@ -38,6 +38,7 @@ struct WebHandlers {
     std::function<std::string()> greeting;                            ///< sent to a new WebSocket, unless empty
     std::function<bool(const WebPeer&, const std::string&)> message;  ///< a text; false ends the connection
     std::function<void()> too_large;                                  ///< a message was
+    std::function<void(const WebPeer&)> gone;                         ///< a WebSocket that was accepted is
 };
 
 class WebServer {

@@ -1,16 +1,18 @@
 // Servos on serial lines: protocols against their published examples, noise and pieces, and buses on pseudo-terminals.
 
-#include "devices/drivers/board.h"
-#include "devices/drivers/serial_bus.h"
 #include "devices/drivers/serial_protocol.h"
-#include "tests/emulator/servo_bus.h"
+#include "tests/devices/serial_fixture.h"
 #include "tests/support.h"
 
 namespace palpate {
 namespace {
 
 using testing::eventually;
+using testing::protocol_name;
 using testing::ServoBusEmulator;
+using testing::settings_for;
+using testing::sweep;
+using testing::why;
 
 TEST(SerialProtocols, PublishedExamples) {
     // Pololu Maestro user's guide, 5.e: channel 2 to 1500 us; channel 3 off and channel 4 to 1500 us in one command.
@@ -102,12 +104,6 @@ TEST(SerialProtocols, HostileBytesAreDiscarded) {
         }
 }
 
-std::string protocol_name(const ::testing::TestParamInfo<SerialProtocol>& info) {
-    return info.param == SerialProtocol::dynamixel ? "dynamixel"
-           : info.param == SerialProtocol::feetech ? "feetech"
-                                                   : "maestro";
-}
-
 class SerialBuses : public ::testing::TestWithParam<SerialProtocol> {};
 INSTANTIATE_TEST_SUITE_P(All, SerialBuses,
                          ::testing::Values(SerialProtocol::maestro_compact, SerialProtocol::dynamixel,
@@ -118,24 +114,6 @@ INSTANTIATE_TEST_SUITE_P(All, SerialBuses,
 class AnsweringSerialBuses : public ::testing::TestWithParam<SerialProtocol> {};
 INSTANTIATE_TEST_SUITE_P(All, AnsweringSerialBuses,
                          ::testing::Values(SerialProtocol::dynamixel, SerialProtocol::feetech), protocol_name);
-
-SerialBusSettings settings_for(SerialProtocol protocol, const ServoBusEmulator& bus, std::vector<int> ids) {
-    SerialBusSettings settings;
-    settings.protocol = protocol;
-    settings.port = bus.port;
-    settings.channels = std::move(ids);
-    settings.need_watchdog = protocol == SerialProtocol::dynamixel;
-    return settings;
-}
-
-/// Keeps a board's servos on the move, as a hand does; every servo is told something new each time.
-void sweep(Board& board, const std::vector<int>& ids, int steps, int ms = 10) {
-    for (int k = 0; k < steps && board.state() == BoardState::active; ++k) {
-        for (int c : ids) board.set(c, WireValue(2000 + k % 50));
-        board.wake();
-        std::this_thread::sleep_for(std::chrono::milliseconds(ms));
-    }
-}
 
 void expect_orderly(ServoBusEmulator& bus) {
     EXPECT_EQ(bus.bad_checksums, 0);
@@ -297,13 +275,6 @@ TEST_P(SerialBuses, OnePortHasOneDriver) {
         }
     }
     EXPECT_NO_THROW(Board again(make_serial_bus(settings)));
-}
-
-/// Why a board went into its first fault; its newest problem is of its attempts to come back.
-std::string why(const BoardStatus& status) {
-    for (const BoardTransition& t : status.transitions)
-        if (t.to == BoardState::faulted) return t.reason;
-    return "";
 }
 
 /// What a bus with a dead servo came to.

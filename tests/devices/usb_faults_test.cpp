@@ -6,6 +6,8 @@
 #include <net/if.h>
 #include <unistd.h>
 
+#include <nlohmann/json.hpp>
+
 #include "tests/devices/usb_fixture.h"
 
 namespace palpate {
@@ -125,7 +127,14 @@ TEST_F(Usb, ThimblesFollowOnlyWhileTheSwitchIsHeld) {
 }
 
 /// A live hand that presses a ball, and then its tracker dies.
-TEST_F(Usb, WhereTheTrackerFallsSilentThimblesGoToRest) {
+class TrackedUsb : public Usb {
+  protected:
+    void expect_rest_when_the_hand_is_gone(bool resends);
+};
+
+/// A tracker presses a thimble's finger on a ball for a second and a half; then it sends no more, or the last hand
+/// again and again, as relays do whose own source has stalled.
+void TrackedUsb::expect_rest_when_the_hand_is_gone(bool resends) {
     const std::string here = scratch.path.string(), port = std::to_string(20000 + (::getpid() + 13) % 30000);
     const std::string file = scene(1, 30);  // for its calibration
     std::ofstream(file)
@@ -135,15 +144,23 @@ TEST_F(Usb, WhereTheTrackerFallsSilentThimblesGoToRest) {
         << "\"index\"\ntrack = [ { t_s = 0, position_mm = [0, 60, 100] } ]\ndevice = { kind = "
         << "\"chinello-3rrs\", driver = \"maestro\", " << calibrated << ", channels = [0, 1, 2] }\n";
     std::ifstream recording(testing::source_dir() + "/scenes/pinch.jsonl");
-    std::string frame, line;
-    while (std::getline(recording, line)) frame = line;
-    std::ofstream(scratch.path / "frame") << R"({"units":"m","up":"z",)" << frame.substr(1) << std::flush;
+    std::string last;
+    for (std::string line; std::getline(recording, line);) last = line;
+    nlohmann::json frame = nlohmann::json::parse(last);
+    frame["units"] = "m", frame["up"] = "z";
+    constexpr int frames = 75;
+    for (int k = 1; k <= frames; ++k) {
+        frame["t"] = 0.02 * k;
+        std::ofstream(scratch.path / ("frame_" + std::to_string(k))) << frame;
+    }
+    const std::string send = " > /dev/udp/127.0.0.1/" + port + "; sleep 0.02; done'\n", n = std::to_string(frames);
     std::ofstream(scratch.path / "go.sh")
         << "cd " << here << "; rm -f log_*\n"
         << run_command(file) << " &\np=$!\n"
         << "n=0; while [ $(wc -l < log) -lt 7 ] && [ $n -lt 400 ]; do sleep 0.05; n=$((n+1)); done\n"
-        << "bash -c 'for i in $(seq 75); do cat frame > /dev/udp/127.0.0.1/" << port
-        << "; sleep 0.02; done'\ncp log log_pressed\nsleep 3.2\ncp log log_silent\nkill -INT $p\nwait $p\n";
+        << "bash -c 'for i in $(seq " << n << "); do cat frame_$i" << send << "cp log log_pressed\n"
+        << (resends ? "bash -c 'for i in $(seq 160); do cat frame_" + n + send : "sleep 3.2\n")
+        << "cp log log_silent\nkill -INT $p\nwait $p\n";
     const Outcome o = emulate("--at 6000" + logged(), "sh " + here + "/go.sh");
     auto rests = [&](const char* when) {
         const auto all = testing::newest_targets(testing::read_wire_log(here + "/" + when));
@@ -152,8 +169,13 @@ TEST_F(Usb, WhereTheTrackerFallsSilentThimblesGoToRest) {
     EXPECT_FALSE(rests("log_pressed")) << "never pressed\n" << o.out;
     EXPECT_TRUE(rests("log_silent")) << o.out;
     EXPECT_SAYS(o, "its tracker was silent");
+    if (resends) { EXPECT_SAYS(o, "time stands still"); }
     expect_safe(events());
 }
+
+TEST_F(TrackedUsb, WhereTheTrackerFallsSilentThimblesGoToRest) { expect_rest_when_the_hand_is_gone(false); }
+
+TEST_F(TrackedUsb, WhereTheTrackersTimeStandsStillThimblesGoToRest) { expect_rest_when_the_hand_is_gone(true); }
 
 TEST_F(Usb, AViewedSceneThatBeginsAgainDoesNotReArm) {
     const std::string port = std::to_string(20000 + (::getpid() + 7) % 30000);

@@ -76,6 +76,21 @@ class ServoBusEmulator {
         const std::lock_guard lock(mutex_);
         put(id, present(), wide_ ? 4 : 2, place);
     }
+    /// Its supply fails for a moment: what it was told since it last began is gone, what it keeps and its place are
+    /// not.
+    void restart(int id) {
+        const std::lock_guard lock(mutex_);
+        const int place = number(id, present(), wide_ ? 4 : 2);
+        const auto from = memory_[id].begin();
+        std::fill(from + (wide_ ? 64 : 40), from + (wide_ ? 160 : 56), std::uint8_t(0));
+        put(id, goal(), wide_ ? 4 : 2, place);
+        put(id, present(), wide_ ? 4 : 2, place);
+    }
+    /// A register as another program has left it.
+    void keep(int id, int address, int value) {
+        const std::lock_guard lock(mutex_);
+        put(id, address, 1, value);
+    }
     int get(int id, int address, int size = 1) {
         const std::lock_guard lock(mutex_);
         return number(id, address, size);
