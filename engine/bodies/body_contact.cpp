@@ -113,16 +113,26 @@ double deepest_place(const Feature& f, const FeatureContact& c, const Pose<doubl
     const double here = distance(c.place);
     if (here - f.radius > (1 + std::abs(c.place)) * norm(f.along) + near_gap) return c.place;
     const int gaps = shape.kind == ShapeKind::mesh ? 16 : 4;
-    double least = here, low = c.place, high = c.place;
+    double least = here, most = here, low = c.place, high = c.place;
     for (int i = 0; i <= gaps; ++i) {
         const double place = 2.0 * i / gaps - 1, d = distance(place);
         if (d < least - edge_depth) least = d, low = place - 2.0 / gaps, high = place + 2.0 / gaps;
+        most = std::max(most, d);
     }
+    if (most - least < edge_depth) return c.place;  // it lies along a face
     if (!(low < high)) low = c.place - 2.0 / gaps, high = c.place + 2.0 / gaps;
     low = std::max(low, -1.0), high = std::min(high, 1.0);
+    constexpr double golden = 0.61803398874989485;
+    double first = high - golden * (high - low), second = low + golden * (high - low);
+    double at_first = distance(first), at_second = distance(second);
     for (int i = 0; i < edge_sections; ++i) {
-        const double first = low + 0.382 * (high - low), second = low + 0.618 * (high - low);
-        (distance(first) < distance(second) ? high : low) = distance(first) < distance(second) ? second : first;
+        if (at_first < at_second) {
+            high = second, second = first, at_second = at_first;
+            first = high - golden * (high - low), at_first = distance(first);
+        } else {
+            low = first, first = second, at_first = at_second;
+            second = low + golden * (high - low), at_second = distance(second);
+        }
     }
     const double found = 0.5 * (low + high);
     const bool is_near = std::abs(found - c.place) * norm(f.along) < edge_follows;

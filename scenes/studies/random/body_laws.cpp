@@ -70,25 +70,11 @@ bool sticks_to_fingers(const Watched& v, int object) {
 /// Less is left by solves that end early, and is no overlap that is undone [m].
 double overlap_allowed(const World& w) { return fitted::overlap_begins + 3 * w.solver.contact_tolerance; }
 
-/// How deep features of one object lie in another, as their contact is decided: at the point of a ball or disc that is
-/// nearest to being inside. (From the middle of a ball a mesh's smooth field has no exact distance.)
+/// How deep features of one object lie in another, as their contact is decided.
 double feature_depth(const VirtualObject& a, const VirtualObject& b) {
     double depth = 0;
-    auto take = [&](const Vec3<double>& x) { depth = std::max(depth, -surface_point(b.shape, b.pose, x).distance); };
     for (const Feature& f : features_of(a.shape, b.shape.kind == ShapeKind::plane)) {
-        const Vec3<double> middle = transform(a.pose, f.point);
-        if (f.radius <= 0) {
-            take(middle);
-            continue;
-        }
-        const Vec3<double> gradient = surface_point(b.shape, b.pose, middle).normal;
-        const Vec3<double> n = (1 / std::max(norm(gradient), 1e-6)) * gradient;
-        if (!(dot(f.axis, f.axis) > 0)) {
-            take(middle - f.radius * n);
-            continue;
-        }
-        const Vec3<double> axis = rotation_matrix(a.pose.rotation) * f.axis, across = n - dot(n, axis) * axis;
-        if (norm(across) > 1e-3) take(middle - (f.radius / norm(across)) * across);
+        depth = std::max(depth, -touch_of(f, a.pose, {}, b.shape, b.pose, 0).surface.distance);
     }
     return depth;
 }
@@ -225,6 +211,8 @@ void check_overlaps(const Watched& v, Findings& found) {
     const std::size_t n = w.shapes.size();
     for (std::size_t k = 0; k < v.overlaps.size(); ++k) {
         const PairOverlap& o = v.overlaps[k];
+        // Meshes know no one way out, and may jam (tests/README.md, "What does not hold").
+        if (w.shapes[k / n].shape.kind == ShapeKind::mesh || w.shapes[k % n].shape.kind == ShapeKind::mesh) continue;
         const double time = 3 * o.deepest / w.solver.recovery_speed + 10 * w.solver.dt;
         if (o.since >= 0 && w.time - o.since > time)
             found.add("overlaps are undone",
