@@ -134,20 +134,25 @@ bool sticks(const ObjectContact& o) {
 
 bool stuck_before(const FingerState& before, const ObjectContact& now) {
     return std::any_of(before.objects.begin(), before.objects.end(), [&](const ObjectContact& b) {
-        return b.object == now.object && sticks(b) && b.normal_force > 0.8 * now.normal_force;
+        return b.object == now.object && sticks(b) && b.normal_force > 0.8 * now.normal_force &&
+               now.normal_force > 0.8 * b.normal_force;
     });
 }
 
 void check_grips(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     // Beside where all sticks some skin slides: what presses little. Its way counts by what it presses with.
-    constexpr double share = 0.2, slid = 2e-5;  // [1, m]
+    constexpr double share = 0.2, slid = 2e-5, fastest_grip = 0.5;  // [1, m, m/s]
     for (std::size_t i = 0; i < v.fingers.size(); ++i) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset || v.before.empty() || !v.before[i].status.converged) continue;
         for (const ObjectContact& o : f.objects) {
             if (o.object < 0 || w.shapes[std::size_t(o.object)].soft >= 0 || !sticks(o)) continue;
             if (!stuck_before(v.before[i], o)) continue;
+            // After a blow skin rings under what presses it, and slides where it presses little.
+            const int body = w.shapes[std::size_t(o.object)].body;
+            const Vec3<double> own = body < 0 ? Vec3<double>{0, 0, 0} : w.bodies[std::size_t(body)].velocity;
+            if (norm(f.bone_velocity) + norm(own) > fastest_grip) continue;
             const double way = w.solver.dt * norm(f.bone_velocity);
             if (o.slip > share * way + slid)
                 found.add("what sticks does not slide",
