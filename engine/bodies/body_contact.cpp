@@ -286,6 +286,9 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
                              const ContactBody& b, double exactness) {
     PairEvaluation out;
     const Mat3<double> R = rotation_matrix(b.pose.rotation);
+    // Which of several points bears how much of a load hangs on gaps that rounding makes: no update ever settles it.
+    const double rounding = pair.penalty * fitted::rounded_gap;
+    auto pending_of = [&](double change) { return std::abs(change) > rounding ? change * change : 0; };
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         auto [point, surface] = touch_of(features[i], a.pose, c, *b.shape, b.pose, c.side);
@@ -302,8 +305,7 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
         out.contact_force += normal.normal_force;
         if (c.undone <= 0) {
             out.penetration = std::max(out.penetration, -surface.distance);
-            const double change = normal.normal_force - c.normal_multiplier;
-            out.pending += change * change;
+            out.pending += pending_of(normal.normal_force - c.normal_multiplier);
         }
         if (pair.friction <= 0) continue;
         const Vec3<double> touched = transform(a.pose, c.point_of_a);
@@ -317,7 +319,7 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
         out.energy += friction.energy;
         const Vec3<double> dt = friction.tangential - state.tangential_multiplier;
         const double dr = pair.friction * normal.normal_force - c.friction_radius;
-        out.pending += dot(dt, dt) + dr * dr;
+        out.pending += dot(dt, dt) + pending_of(dr);
     }
     return out;
 }

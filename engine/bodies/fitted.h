@@ -14,6 +14,9 @@ inline constexpr double least_pair_penalty = 2e5, pair_inertia_share = 30;
 /// Under its load no contact gives way farther than this (S4 and S5 of the stress suite: a light body under a load)
 /// [m].
 inline constexpr double deepest_under_load = 1e-4;
+/// Gaps are no better known than this (a mesh's smooth field is of floats: a box at rest on one took 200 iterations in
+/// every step) [m].
+inline constexpr double rounded_gap = 2e-10;
 /// Solves that end early leave some hundredths of a millimetre of overlap; what is deeper was there before, and is
 /// undone until it is shallower than the second [m].
 inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5;
