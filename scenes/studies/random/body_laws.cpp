@@ -206,6 +206,15 @@ void see_overlaps(Watched& v) {
         }
 }
 
+/// Whether a body touches anything but one object.
+bool touches_more(const Watched& v, std::size_t object, std::size_t but) {
+    const std::size_t n = v.s.world.shapes.size();
+    if (v.s.world.shapes[object].body < 0) return false;
+    for (std::size_t i = 0; i < n; ++i)
+        if (i != but && i != object && v.overlaps[std::min(i, object) * n + std::max(i, object)].depth > 0) return true;
+    return false;
+}
+
 void check_overlaps(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     const std::size_t n = w.shapes.size();
@@ -213,6 +222,7 @@ void check_overlaps(const Watched& v, Findings& found) {
         const PairOverlap& o = v.overlaps[k];
         // Meshes know no one way out, and may jam (tests/README.md, "What does not hold").
         if (w.shapes[k / n].shape.kind == ShapeKind::mesh || w.shapes[k % n].shape.kind == ShapeKind::mesh) continue;
+        if (touches_more(v, k / n, k % n) || touches_more(v, k % n, k / n)) continue;  // it may be squeezed
         const double time = 3 * o.deepest / w.solver.recovery_speed + 10 * w.solver.dt;
         if (o.since >= 0 && w.time - o.since > time)
             found.add("overlaps are undone",
@@ -231,7 +241,8 @@ double lifted_by_overlaps(const Watched& v) {
 
 void check_drops(const Simulation& s, Findings& found) {
     for (const BodySummary& b : summarise_bodies(s)) {
-        if (b.dropped_at_s < 0 || b.grips.empty() || b.unsettled_steps > 0 || b.resets > 0 || b.converged_share < 1)
+        // One finger alone holds nothing, but may stop what flies.
+        if (b.dropped_at_s < 0 || b.grips.size() < 2 || b.unsettled_steps > 0 || b.resets > 0 || b.converged_share < 1)
             continue;
         double used = 0;
         for (const GripSummary& g : b.grips) used = std::max(used, g.friction_use);

@@ -134,8 +134,8 @@ bool sticks(const ObjectContact& o) {
 
 bool stuck_before(const FingerState& before, const ObjectContact& now) {
     return std::any_of(before.objects.begin(), before.objects.end(), [&](const ObjectContact& b) {
-        return b.object == now.object && sticks(b) && b.normal_force > 0.8 * now.normal_force &&
-               now.normal_force > 0.8 * b.normal_force;
+        return b.object == now.object && sticks(b) && b.normal_force > 0.95 * now.normal_force &&
+               now.normal_force > 0.95 * b.normal_force;
     });
 }
 
