@@ -6,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
 #include "scenes/run/carry_kept.h"
@@ -63,8 +64,8 @@ void PoseInputs::reserve(std::size_t slots) {
 
 std::int32_t fail_no_part(const char* what, std::int32_t id) noexcept {
     char text[160];
-    std::snprintf(text, sizeof text,
-                  "there is no %s %d in this world, or it has been removed: palpate_list has the ids", what, int(id));
+    plain_snprintf(text, sizeof text,
+                   "there is no %s %d in this world, or it has been removed: palpate_list has the ids", what, int(id));
     return fail(PALPATE_ERROR_ARGUMENT, text);
 }
 

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
 
@@ -22,7 +23,7 @@ std::string quoted(const char* text) {
         if (*c == '"' || *c == '\\')
             (out += '\\') += *c;
         else if (byte < 32 || byte == 127)
-            std::snprintf(escaped, sizeof escaped, "\\u%04x", byte), out += escaped;
+            plain_snprintf(escaped, sizeof escaped, "\\u%04x", byte), out += escaped;
         else
             out += *c;
     }
@@ -35,7 +36,7 @@ struct Number {
 };
 std::ostream& operator<<(std::ostream& out, Number n) {
     char text[40];
-    std::snprintf(text, sizeof text, "%.17g", n.value);
+    plain_snprintf(text, sizeof text, "%.17g", n.value);
     std::string s = text;
     if (std::isfinite(n.value) && s.find_first_of(".e") == std::string::npos) s += ".0";
     return out << s;
@@ -118,13 +119,13 @@ const Struct* entry(const Struct* list, std::int32_t i) {
 }  // namespace
 
 std::string finger_text(const PalpateFingerDef* def, const std::string& name) {
-    std::ostringstream out;
+    PlainText out;
     put_finger(out, def, name);
     return out.str();
 }
 
 std::string object_text(const PalpateObjectDef* def, const std::string& name) {
-    std::ostringstream out;
+    PlainText out;
     put_object(out, def, name);
     return out.str();
 }
@@ -140,7 +141,7 @@ std::string scene_text(const PalpateSceneDef& given) {
     };
     check("fingers", scene.finger_count, scene.fingers);
     check("objects", scene.object_count, scene.objects);
-    std::ostringstream out;
+    PlainText out;
     out << "dt_ms = " << Number{1e3 * scene.dt} << "\n";
     put_vector(out, "gravity_m_per_s2", scene.gravity[0], scene.gravity[1], scene.gravity[2]);
     out << "\n";

@@ -6,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/web/bounded_json.h"
 
@@ -165,15 +166,15 @@ std::vector<std::string> losses_of(const Recording& r) {
                               static_cast<long long>(run.steps[gap.step].number - before - 1),
                               run.steps[gap.step].time);
             else
-                std::snprintf(text, sizeof text, "%zu bytes are damaged before step %zu", gap.bytes, gap.step + 1);
+                plain_snprintf(text, sizeof text, "%zu bytes are damaged before step %zu", gap.bytes, gap.step + 1);
             out.push_back(which + text);
         }
         if (run.ended || r.version < 2) continue;
         const double until = run.steps.empty() ? 0 : run.steps.back().time;
-        std::snprintf(text, sizeof text,
-                      "it was not ended: palpate was killed, or the file was cut off; it holds %zu steps, until "
-                      "%.4f s of %.4g s",
-                      run.steps.size(), until, run.duration);
+        plain_snprintf(text, sizeof text,
+                       "it was not ended: palpate was killed, or the file was cut off; it holds %zu steps, until "
+                       "%.4f s of %.4g s",
+                       run.steps.size(), until, run.duration);
         out.push_back(which + text);
     }
     if (r.unread_bytes > 0)
