@@ -12,7 +12,7 @@ namespace palpate::api {
 
 namespace {
 
-constexpr double degrees = 57.29577951308232;
+constexpr double pi = 3.14159265358979323846, degrees = 180 / pi;
 constexpr std::int32_t most_rows = 10000;
 
 std::string quoted(const char* text) {
@@ -52,9 +52,11 @@ void put_pose(std::ostream& out, const double* p, const std::string& who, const 
     if (!(length > 1e-6) || !std::isfinite(length))
         throw InputError(who + ": the rotation of its pose must be a quaternion w x y z that is not zero");
     const double w = p[3] / length, x = p[4] / length, y = p[5] / length, z = p[6] / length;
-    const double roll = std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
-    const double pitch = std::asin(std::fmin(1, std::fmax(-1, 2 * (w * y - z * x))));
-    const double yaw = std::atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
+    // Half the sum and half the difference of yaw and roll, each from its own half of the quaternion: where the pitch
+    // is 90 degrees one of them means nothing, and the other one still says the whole rotation.
+    const double sum = std::atan2(z + x, w - y), difference = std::atan2(z - x, w + y);
+    const double pitch = 2 * (std::atan2(std::hypot(w + y, z - x), std::hypot(w - y, z + x)) - 0.25 * pi);
+    const double roll = std::remainder(sum - difference, 2 * pi), yaw = std::remainder(sum + difference, 2 * pi);
     put_vector(out, "position_mm", 1e3 * p[0], 1e3 * p[1], 1e3 * p[2]);
     out << between;
     put_vector(out, "rotation_deg", degrees * roll, degrees * pitch, degrees * yaw);

@@ -1,9 +1,66 @@
-// What a description says reaches the world as it is, in every country.
+// What a description says reaches the world as it is: poses in every direction, and numbers in every country.
+
+#include <array>
+#include <cmath>
+#include <random>
 
 #include "../comma_locale.h"
 #include "api_support.h"
 
 namespace {
+
+/// Distance of two rotations as quaternions, of which either sign is the same.
+double apart(const double* a, const double* b) {
+    double same = 0, opposite = 0;
+    for (int k = 3; k < 7; ++k) same += std::pow(a[k] - b[k], 2), opposite += std::pow(a[k] + b[k], 2);
+    return std::sqrt(std::min(same, opposite));
+}
+
+TEST(ApiDescriptions, PosesKeepTheirRotation) {
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal;
+    std::vector<std::array<double, 4>> rotations;
+    for (int k = 0; k < 60; ++k) rotations.push_back({normal(random), normal(random), normal(random), normal(random)});
+    // Pitched by 90 degrees up and down, where roll and yaw are about one axis; and nearly so.
+    for (const double pitch : {0.25 * M_PI, -0.25 * M_PI, 0.25 * M_PI - 1e-9, -0.25 * M_PI + 1e-7, 0.25 * M_PI - 1e-4})
+        for (const double turn : {0.0, 0.3, 1.0, 2.5, -1.2}) {
+            const double cy = std::cos(turn), sy = std::sin(turn), cp = std::cos(pitch), sp = std::sin(pitch);
+            rotations.push_back({cy * cp, -sy * sp, cy * sp, sy * cp});
+        }
+    rotations.push_back({0.5, -0.5, 0.5, 0.5});
+    rotations.push_back({0.5, 0.5, -0.5, 0.5});
+    std::vector<PalpateObjectDef> objects(rotations.size());
+    for (std::size_t k = 0; k < objects.size(); ++k) {
+        palpate_default_object_def(&objects[k], sizeof objects[k]);
+        objects[k].shape = PALPATE_BOX;
+        for (double& d : objects[k].dimensions) d = 0.01;
+        objects[k].pose[0] = 0.05 * double(k + 1);
+        double length = 0;
+        for (double v : rotations[k]) length += v * v;
+        for (int i = 0; i < 4; ++i) objects[k].pose[3 + i] = rotations[k][std::size_t(i)] / std::sqrt(length);
+    }
+    PalpateFingerDef finger;
+    palpate_default_finger_def(&finger, sizeof finger);
+    finger.name = "index", finger.elements = 120;
+    finger.pose[2] = 0.05, finger.pose[3] = finger.pose[6] = finger.pose[5] = 0.5, finger.pose[4] = -0.5;
+    PalpateSceneDef scene;
+    palpate_default_scene_def(&scene, sizeof scene);
+    scene.object_count = std::int32_t(objects.size()), scene.objects = objects.data();
+    scene.finger_count = 1, scene.fingers = &finger;
+    Held world;
+    ASSERT_EQ(PALPATE_OK, palpate_build(&scene, nullptr, &world.id)) << palpate_last_error();
+    for (std::size_t k = 0; k < objects.size(); ++k) {
+        PalpateObjectState state{};
+        state.size = sizeof state;
+        ASSERT_EQ(PALPATE_OK, palpate_get_object(world, std::int32_t(k), &state)) << palpate_last_error();
+        EXPECT_LT(apart(state.pose, objects[k].pose), 1e-12) << "object " << k;
+    }
+    PalpateFingerState state{};
+    state.size = sizeof state;
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 1));
+    ASSERT_EQ(PALPATE_OK, palpate_get_finger(world, 0, &state)) << palpate_last_error();
+    EXPECT_LT(apart(state.tracked_pose, finger.pose), 1e-12);
+}
 
 /// A described scene with a soft object, a mesh and a setting that is no whole number, some steps on, with meshes that
 /// nothing was kept of.
