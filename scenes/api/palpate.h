@@ -351,7 +351,8 @@ PALPATE_API int32_t palpate_save(PalpateWorld world, void* buffer, int64_t capac
    bytes that were forged are not looked for. */
 PALPATE_API int32_t palpate_restore(PalpateWorld world, const void* bytes, int64_t size);
 
-/* From now on every step is recorded into a file, which `palpate replay` and `palpate convert` read. */
+/* From now on every step is recorded into a file, which `palpate replay` and `palpate convert` read. A file that is no
+   recording is not replaced, nor one that another world or program is recording into (PALPATE_ERROR_FILE). */
 PALPATE_API int32_t palpate_record(PalpateWorld world, const char* file);
 PALPATE_API int32_t palpate_end_recording(PalpateWorld world);
 /* A world that goes through a recorded run (1, 2, ...) again, with what went in then. */

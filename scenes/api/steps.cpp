@@ -8,6 +8,7 @@
 #include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/run/state.h"
 
 using namespace palpate;
@@ -327,6 +328,7 @@ int32_t palpate_record(PalpateWorld world, const char* file) {
         if (session->replay) return fail(PALPATE_ERROR_STATE, "a replay is not recorded again");
         if (session->recorder) return fail(PALPATE_ERROR_STATE, "it is being recorded: palpate_end_recording first");
         try {
+            refuse_to_replace("palpate_record:", file, Output::recording);
             session->recorder = std::make_unique<RunWriter>(file, *session->simulation, session->settings);
         } catch (const std::runtime_error& error) { return fail(PALPATE_ERROR_FILE, error.what()); }
         return int32_t(PALPATE_OK);

@@ -1,7 +1,12 @@
-// What a description says reaches the world as it is: poses in every direction, and numbers in every country.
+// What a description says reaches the world as it is: poses in every direction, and numbers in every country. What
+// is recorded and put back is nobody else's.
+
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 #include <random>
 
 #include "../comma_locale.h"
@@ -116,6 +121,39 @@ TEST(ApiDescriptions, AreTheSameWhereTheDecimalPointIsAComma) {
             std::printf("no locale with a comma is installed, nor can one be compiled: C++'s alone was tried\n");
     }
     before ? setenv("XDG_CACHE_HOME", kept.c_str(), 1) : unsetenv("XDG_CACHE_HOME");
+}
+
+std::string text_of(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST(ApiRecords, ReplaceNothingOfAnotherKindAndNothingThatIsBeingRecorded) {
+    const Folder scratch;
+    const std::string scene = (scratch.path / "mine.toml").string(), file = (scratch.path / "r.palpate").string();
+    std::ofstream(scene) << small_scene;
+    Held world, other;
+    ASSERT_EQ(PALPATE_OK, palpate_load(scene.c_str(), nullptr, &world.id)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_load(scene.c_str(), nullptr, &other.id)) << palpate_last_error();
+    EXPECT_EQ(PALPATE_ERROR_FILE, palpate_record(world, scene.c_str()));
+    EXPECT_NE(nullptr, std::strstr(palpate_last_error(), "it would be lost")) << palpate_last_error();
+    EXPECT_EQ(small_scene, text_of(scene));
+    ASSERT_EQ(PALPATE_OK, palpate_record(world, file.c_str())) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 5));
+    EXPECT_EQ(PALPATE_ERROR_FILE, palpate_record(other, file.c_str()));
+    EXPECT_NE(nullptr, std::strstr(palpate_last_error(), "another run")) << palpate_last_error();
+    // A forked process has the file, and leaves it alone.
+    const pid_t child = fork();
+    if (child == 0) {
+        palpate_end_recording(world);
+        _exit(0);
+    }
+    int status = 0;
+    ASSERT_EQ(child, waitpid(child, &status, 0));
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 5));
+    ASSERT_EQ(PALPATE_OK, palpate_end_recording(world)) << palpate_last_error();
+    EXPECT_EQ(0, shell(std::string(PALPATE_PROGRAM) + " replay " + file).code);
+    EXPECT_EQ(PALPATE_OK, palpate_record(other, file.c_str())) << "it is a recording that has ended";
 }
 
 }  // namespace
