@@ -5,10 +5,12 @@
 #include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "meshes/input_error.h"
 #include "scenes/load/result_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/stream_options.h"
 #include "scenes/recording/live_tables.h"
@@ -171,12 +173,14 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     refuse_to_lose_files(a);
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     const std::vector<std::string> overrides = all_overrides(a, stop);
+    std::optional<EndsAtOnce> loading(std::in_place);
     Scene scene = load_scene(a.scene, overrides);
     if (a.pads_per_second > 0) refuse_colliding_pads(scene);
     tell_of_scene(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
+    loading.reset();
     const std::string source = a.tracker.empty() ? simulation.scene.tracker : a.tracker;
     refuse_film_in_real_time(a, source);
     if (!source.empty()) follow_live(simulation, std::make_shared<LiveHands>(source));

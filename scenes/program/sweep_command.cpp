@@ -5,12 +5,14 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <sstream>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/version.h"
 #include "scenes/recording/svg.h"
@@ -286,7 +288,9 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     const Processes processes = join_processes();
     SweepArguments a = asked;
     a.quiet = a.quiet || processes.rank != 0;
+    std::optional<EndsAtOnce> loading(std::in_place);
     const Scene scene = load_scene(a.scene, a.overrides);
+    loading.reset();
     const SweepPlan plan = checked_plan(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / (scene.file.stem().string() + "-sweep")
