@@ -181,6 +181,7 @@ void read_followed(Section& s, Scene& scene, const HandSource& source, FingerMot
             std::make_shared<HandRecording>(read_hand_recording(source.file, hand_names[std::size_t(motion.hand)]));
         read->loop = source.loop;
         recording = std::move(read);
+        scene.files.push_back(source.file);
     } catch (const InputError& error) { s.complain_as_found("follow", error.messages); }
 }
 

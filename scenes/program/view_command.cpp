@@ -319,6 +319,7 @@ struct LiveRun {
 
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     refuse_to_replace("--record", a.record, Output::recording);
+    refuse_to_hold_unarmed(a.hold, a.arm);
     using Clock = std::chrono::steady_clock;
     if (a.stream.target == "-")
         throw InputError(

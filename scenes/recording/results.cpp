@@ -106,7 +106,7 @@ void PadSeries::finish(const Simulation& s) const {
         PlainText out;
         out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n";
         for (std::size_t k = 0; k < times_.size(); ++k)
-            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << result_file::finger_pad(skin.name, k)
+            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << escaped(result_file::finger_pad(skin.name, k))
                 << "\"/>\n";
         out << "</Collection></VTKFile>\n";
         write_file(folder_ / result_file::finger_pads(skin.name), out.str());

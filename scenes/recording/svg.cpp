@@ -30,12 +30,6 @@ std::string tick_text(double value, double step) {
     return text;
 }
 
-std::string escaped(const std::string& s) {
-    std::string out;
-    for (char c : s) out += c == '<' ? "&lt;" : c == '&' ? "&amp;" : c == '>' ? "&gt;" : std::string(1, c);
-    return out;
-}
-
 struct AxisRange {
     double low = HUGE_VAL, high = -HUGE_VAL;
 };
@@ -130,6 +124,13 @@ void draw(PlainText& out, const Plot& plot, double y0) {
 }
 
 }  // namespace
+
+std::string escaped(const std::string& text) {
+    std::string out;
+    for (char c : text)
+        out += c == '<' ? "&lt;" : c == '&' ? "&amp;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
+    return out;
+}
 
 void write_svg(const std::filesystem::path& path, const std::vector<Plot>& plots) {
     PlainText out;

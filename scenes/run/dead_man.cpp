@@ -167,6 +167,11 @@ std::unique_ptr<DeadMan> make_dead_man(const std::string& source) {
     return dead_man;
 }
 
+void refuse_to_hold_unarmed(const std::string& source, bool armed) {
+    if (source.empty() || armed) return;
+    throw InputError("--hold " + source + ": without --arm no thimble moves; give --arm, too, or leave --hold out");
+}
+
 void obey_dead_man(DeadMan& dead_man, Simulation& s) {
     const bool held = dead_man.held(), enter = dead_man.take_enter();
     HoldCounts& c = dead_man.counts;
