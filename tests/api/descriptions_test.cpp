@@ -156,4 +156,23 @@ TEST(ApiRecords, ReplaceNothingOfAnotherKindAndNothingThatIsBeingRecorded) {
     EXPECT_EQ(PALPATE_OK, palpate_record(other, file.c_str())) << "it is a recording that has ended";
 }
 
+TEST(ApiRecords, StatesOfOtherStepsAreRefused) {
+    Held world, slower, coarser;
+    const char *slow[] = {"dt_ms=2"}, *coarse[] = {"solver.preset=fast"};
+    PalpateWorldDef def;
+    palpate_default_world_def(&def, sizeof def);
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();
+    def.setting_count = 1, def.settings = slow;
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, &def, &slower.id)) << palpate_last_error();
+    def.settings = coarse;
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, &def, &coarser.id)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 10));
+    const std::vector<char> state = saved(world);
+    for (const PalpateWorld into : {slower.id, coarser.id}) {
+        EXPECT_EQ(PALPATE_ERROR_SCENE, palpate_restore(into, state.data(), std::int64_t(state.size())));
+        EXPECT_NE(nullptr, std::strstr(palpate_last_error(), "other settings")) << palpate_last_error();
+    }
+    EXPECT_EQ(PALPATE_OK, palpate_restore(world, state.data(), std::int64_t(state.size()))) << palpate_last_error();
+}
+
 }  // namespace
