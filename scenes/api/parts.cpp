@@ -156,6 +156,7 @@ std::string text_of_scene(const Session& s) {
 void rebuild(Session& s, const std::string& text, const std::vector<std::string>& settings) {
     Scene scene =
         load_scene_now(text, s.simulation->scene.file, settings, &s.templates, poses_now(s.simulation->world));
+    refuse_changed_files(s, scene);
     auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), s.threads, false));
     const World &before = s.world(), &now = fresh->world;
     KeptRows kept{rows_before(now.skins, before.skins), rows_before(now.shapes, before.shapes)};
@@ -163,6 +164,7 @@ void rebuild(Session& s, const std::string& text, const std::vector<std::string>
     carry_kept(*s.simulation, *fresh, kept);
     s.simulation = std::move(fresh);
     s.settings = settings;
+    s.stamps = stamps_of(s.simulation->scene.files);
     s.changed = true;
     take_rows(s, kept.fingers, kept.objects, thimbles);
     renew_views(s);

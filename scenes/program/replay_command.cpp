@@ -35,7 +35,8 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
     PressureScales scales;
     std::optional<Video> video;
     if (!a.video.empty()) video.emplace(a.video, PictureSettings{});
-    for (const std::string& change : changes_of(run.files)) std::fprintf(stderr, "%s\n", change.c_str());
+    for (const std::string& change : changes_of(run.files, "the run was recorded"))
+        std::fprintf(stderr, "%s\n", change.c_str());
     Progress progress("replay");
     const Replay replay = replay_run(run, a.file, a.threads, stop, [&](const Simulation& s) {
         progress.show(double(s.world.step) / double(std::max<std::size_t>(1, run.steps.size())), s.world.step,

@@ -27,15 +27,15 @@ std::vector<FileStamp> stamps_of(const std::vector<std::filesystem::path>& files
     return stamps;
 }
 
-std::vector<std::string> changes_of(const std::vector<FileStamp>& stamps) {
+std::vector<std::string> changes_of(const std::vector<FileStamp>& stamps, const std::string& since) {
     std::vector<std::string> changes;
     for (const FileStamp& then : stamps) {
         const auto now = stamps_of({then.file});
         if (now.empty())
-            changes.push_back(then.file + ": is gone; the scene was recorded with it");
+            changes.push_back(then.file + ": is gone, and was there when " + since);
         else if (now[0].bytes != then.bytes || now[0].hash != then.hash)
-            changes.push_back(then.file + ": has changed since the run was recorded, with " +
-                              std::to_string(then.bytes) + " bytes; it has " + std::to_string(now[0].bytes) + " now");
+            changes.push_back(then.file + ": has changed since " + since + ", with " + std::to_string(then.bytes) +
+                              " bytes; it has " + std::to_string(now[0].bytes) + " now");
     }
     return changes;
 }

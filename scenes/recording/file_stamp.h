@@ -1,5 +1,5 @@
 #pragma once
-// Files that a recorded scene names: whether they are still what they were.
+// Files that a scene names: whether they are still what they were when a run was recorded, or a world made.
 
 #include <cstdint>
 #include <filesystem>
@@ -19,7 +19,7 @@ struct FileStamp {
 /// Of each file once. Files that cannot be read are left out.
 std::vector<FileStamp> stamps_of(const std::vector<std::filesystem::path>& files);
 
-/// A sentence for each one that is no longer what it was.
-std::vector<std::string> changes_of(const std::vector<FileStamp>& stamps);
+/// A sentence for each one that is no longer what it was; `since` says when that was.
+std::vector<std::string> changes_of(const std::vector<FileStamp>& stamps, const std::string& since);
 
 }  // namespace palpate

@@ -158,7 +158,8 @@ Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
     // their limits those of patches, and every matrix was a new one.
     auto as_then = [&](Scene scene) {
         scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
-        for (const std::string& change : changes_of(run.files)) scene.warnings.push_back(change);
+        for (const std::string& change : changes_of(run.files, "the run was recorded"))
+            scene.warnings.push_back(change);
         return scene;
     };
     std::vector<std::string> settings = overrides;

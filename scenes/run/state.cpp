@@ -332,6 +332,10 @@ std::uint64_t fingerprint(const Simulation& s) {
         for (double v : {o.shape.size.x, o.shape.size.y, o.shape.size.z, o.friction, o.stiffness,
                          o.body ? o.body->mass : 0, double(o.shape.kind)})
             number(v);
+        if (!o.mesh) continue;
+        const Surface& surface = o.mesh->surface;
+        a.bytes(surface.vertices.data(), surface.vertices.size() * sizeof surface.vertices[0]);
+        a.bytes(surface.triangles.data(), surface.triangles.size() * sizeof surface.triangles[0]);
     }
     for (const Matching& m : w.matchings) {
         a.bytes(m.model.kind->name.data(), m.model.kind->name.size());

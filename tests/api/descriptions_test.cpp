@@ -175,4 +175,48 @@ TEST(ApiRecords, StatesOfOtherStepsAreRefused) {
     EXPECT_EQ(PALPATE_OK, palpate_restore(world, state.data(), std::int64_t(state.size()))) << palpate_last_error();
 }
 
+/// A cube of 20 mm as an OBJ file, larger by a factor.
+void write_cube(const std::filesystem::path& file, double factor) {
+    std::ofstream out(file);
+    for (int k = 0; k < 8; ++k)
+        out << "v " << factor * (k & 1 ? 10 : -10) << " " << factor * (k & 2 ? 10 : -10) << " "
+            << factor * (k & 4 ? 10 : -10) << "\n";
+    out << "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+}
+
+TEST(ApiRecords, FilesThatChangeDoNotChangeALivingWorld) {
+    const Folder scratch;
+    const std::string file = (scratch.path / "cube.obj").string();
+    write_cube(file, 1);
+    PalpateFingerDef finger;
+    palpate_default_finger_def(&finger, sizeof finger);
+    finger.name = "index", finger.elements = 120, finger.pose[2] = 0.03;
+    PalpateObjectDef cube, box;
+    palpate_default_object_def(&cube, sizeof cube);
+    palpate_default_object_def(&box, sizeof box);
+    cube.name = "cube", cube.shape = PALPATE_MESH, cube.file = file.c_str();
+    box.name = "box", box.shape = PALPATE_BOX, box.pose[0] = 0.3;
+    for (double& d : box.dimensions) d = 0.01;
+    PalpateSceneDef scene;
+    palpate_default_scene_def(&scene, sizeof scene);
+    scene.object_count = 1, scene.objects = &cube, scene.finger_count = 1, scene.fingers = &finger;
+    Held world, larger;
+    ASSERT_EQ(PALPATE_OK, palpate_build(&scene, nullptr, &world.id)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 3));
+    const std::vector<char> state = saved(world);
+    const char* softer[] = {"finger.index.material.young_kPa=16"};
+    write_cube(file, 1.1);
+    std::int32_t id = -1;
+    EXPECT_EQ(PALPATE_ERROR_SCENE, palpate_set(world, softer, 1));
+    EXPECT_NE(nullptr, std::strstr(palpate_last_error(), "has changed since the world was made"))
+        << palpate_last_error();
+    EXPECT_EQ(PALPATE_ERROR_SCENE, palpate_add_object(world, &box, &id));
+    EXPECT_EQ(PALPATE_OK, palpate_step(world, 1)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_build(&scene, nullptr, &larger.id)) << palpate_last_error();
+    EXPECT_EQ(PALPATE_ERROR_SCENE, palpate_restore(larger, state.data(), std::int64_t(state.size())));
+    write_cube(file, 1);
+    EXPECT_EQ(PALPATE_OK, palpate_set(world, softer, 1)) << palpate_last_error();
+    EXPECT_EQ(PALPATE_OK, palpate_add_object(world, &box, &id)) << palpate_last_error();
+}
+
 }  // namespace
