@@ -1,7 +1,6 @@
 #pragma once
 // Bounds of a setting, stated once and used by whoever checks or reads it.
 
-#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -15,13 +14,6 @@ struct Range {
 };
 
 /// Adds a sentence where a value is not finite or out of range.
-inline void check(double value, const Range& range, const char* what, const char* unit,
-                  std::vector<std::string>& wrong) {
-    if (range.holds(value)) return;
-    char text[200];
-    std::snprintf(text, sizeof text, "%s must be between %g and %g%s, found %g", what, range.low, range.high, unit,
-                  value);
-    wrong.emplace_back(text);
-}
+void check(double value, const Range& range, const char* what, const char* unit, std::vector<std::string>& wrong);
 
 }  // namespace palpate

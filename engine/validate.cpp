@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "engine/build.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -18,7 +19,7 @@ struct Complaints {
     }
     void within(const std::string& what, double value, const Range& bounds, const char* unit) {
         if (bounds.holds(value)) return;
-        std::ostringstream sentence;
+        PlainText sentence;
         sentence << who << what << " must be between " << bounds.low << " and " << bounds.high << unit << ", found "
                  << value;
         wrong.push_back(sentence.str());

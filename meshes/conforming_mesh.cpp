@@ -9,6 +9,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_quality.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/remesh.h"
 #include "meshes/smoothstep.h"
 
@@ -85,11 +86,11 @@ void check_phalanx(const Surface& phalanx, const TriangleTree& skin, double leas
         const bool outside = (i % 8 == 0 || i + 2 >= phalanx.vertices.size()) && !is_inside(skin.surface(), x);
         if (distance >= least && !outside) continue;
         char text[240];
-        std::snprintf(text, sizeof text,
-                      "the phalanx %s at (%.1f, %.1f, %.1f) mm (%.2f mm of tissue needed): make phalanx_radius or "
-                      "phalanx_length smaller, or move phalanx_height",
-                      outside ? "leaves the skin" : "comes too near to the skin", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2],
-                      1e3 * least);
+        plain_snprintf(text, sizeof text,
+                       "the phalanx %s at (%.1f, %.1f, %.1f) mm (%.2f mm of tissue needed): make phalanx_radius or "
+                       "phalanx_length smaller, or move phalanx_height",
+                       outside ? "leaves the skin" : "comes too near to the skin", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2],
+                       1e3 * least);
         throw InputError(text);
     }
 }

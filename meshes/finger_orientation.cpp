@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -168,7 +169,7 @@ Surface turn_to_finger_frame(const Surface& s, const FingerOrientation& o) {
 std::string describe(const OrientationGuess& g) {
     char text[300];
     const auto &t = g.orientation.tip, &d = g.orientation.dorsal;
-    std::snprintf(
+    plain_snprintf(
         text, sizeof text,
         "guessed: distal = (%.2f, %.2f, %.2f), dorsal = (%.2f, %.2f, %.2f) of the file's axes, confidence %.2f "
         "(least sure: %s)",
@@ -226,7 +227,7 @@ std::string orientation_picture(const Surface& surface, const FingerOrientation&
         for (double x : p) size = std::max(size, std::abs(x));
     std::string text;
     for (char c : title) text += c == '<' ? "&lt;" : c == '&' ? "&amp;" : std::string(1, c);
-    std::ostringstream out;
+    PlainText out;
     out.precision(5);
     out << "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"720\" height=\"400\" font-family=\"sans-serif\" "
            "font-size=\"12\">\n<rect width=\"720\" height=\"400\" fill=\"white\"/>\n<text x=\"10\" y=\"20\" "

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/smoothstep.h"
 
 namespace palpate {
@@ -14,8 +15,8 @@ std::vector<std::string> FingerShape::validate() const {
     auto need = [&](double value, const shape_bounds::Bounds& bounds, const char* what, double in, const char* unit) {
         if (value >= bounds.low && value <= bounds.high) return;
         char text[120];
-        std::snprintf(text, sizeof text, "the %s must be between %g and %g%s", what, in * bounds.low, in * bounds.high,
-                      unit);
+        plain_snprintf(text, sizeof text, "the %s must be between %g and %g%s", what, in * bounds.low, in * bounds.high,
+                       unit);
         wrong.emplace_back(text);
     };
     need(length, shape_bounds::length, "length", 1e3, " mm");

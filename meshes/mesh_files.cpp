@@ -10,8 +10,10 @@
 #include <set>
 #include <sstream>
 
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
 #include "meshes/mesh_quality.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/surface.h"
 
 namespace palpate {
@@ -26,6 +28,7 @@ class Words {
     Words(const fs::path& path, bool hash_comments) : path_(path) {
         std::ifstream in(path);
         if (!in) throw InputError(path.string() + ": no such file, or it cannot be read");
+        skip_byte_order_mark(in);
         std::string line;
         for (int number = 1; std::getline(in, line); ++number) {
             if (hash_comments) line = line.substr(0, line.find('#'));
@@ -46,7 +49,7 @@ class Words {
     double number(const char* expected) {
         const std::string w = word(expected);
         char* end = nullptr;
-        const double x = std::strtod(w.c_str(), &end);
+        const double x = plain_strtod(w.c_str(), &end);
         if (*end || end == w.c_str() || !std::isfinite(x))
             refuse(std::string("expected ") + expected + ", found '" + w + "'");
         return x;
@@ -207,7 +210,7 @@ std::vector<double> data_array(const fs::path& path, const std::string& text, st
     const char* end = text.c_str() + close;
     while (p < end) {
         char* next = nullptr;
-        const double x = std::strtod(p, &next);
+        const double x = plain_strtod(p, &next);
         if (next == p || next > end) break;
         values.push_back(x);
         p = next;
@@ -296,7 +299,7 @@ TetMesh read_tet_mesh(const fs::path& path, const std::string& unit) {
     const auto box = bounds(mesh.nodes);
     const double size = std::hypot(box[1][0] - box[0][0], box[1][1] - box[0][1], box[1][2] - box[0][2]);
     if (size < 5e-3 || size > 0.2)
-        wrong.push_back("its bounds measure " + std::to_string(1e3 * size) +
+        wrong.push_back("its bounds measure " + plain_to_string(1e3 * size) +
                         " mm; expected 5 to 200 mm (is the unit '" + unit + "' right?)");
     for (auto& w : wrong) w = path.string() + ": " + w;
     if (!wrong.empty()) throw InputError(wrong);
@@ -306,7 +309,7 @@ TetMesh read_tet_mesh(const fs::path& path, const std::string& unit) {
 
 std::string read_file(const fs::path& path) {
     std::ifstream in(path, std::ios::binary);
-    std::ostringstream text;
+    PlainText text;
     text << in.rdbuf();
     if (!in) throw InputError(path.string() + ": cannot be read");
     return text.str();
@@ -333,7 +336,7 @@ void write_file(const fs::path& path, const std::string& text) {
 
 void write_vtu(const fs::path& path, const TetMesh& mesh, const std::vector<VtuField>& node_fields,
                const std::vector<VtuField>& element_fields) {
-    std::ostringstream out;
+    PlainText out;
     out.precision(9);
     out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
         << "<UnstructuredGrid>\n<Piece NumberOfPoints=\"" << mesh.nodes.size() << "\" NumberOfCells=\""

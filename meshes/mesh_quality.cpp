@@ -6,6 +6,8 @@
 #include <map>
 #include <numbers>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 using Eigen::Vector3d;
@@ -113,9 +115,9 @@ std::vector<std::string> check_tets(const TetMesh& m) {
         const double v = tet_volume(m, m.tets[e]);
         char text[160];
         if (v <= 1e-9 * mean) {
-            std::snprintf(text, sizeof text,
-                          "element %zu is %s: its volume is %.3g of the mean; mesh again with better quality", e,
-                          v < 0 ? "inverted" : "flat", v / mean);
+            plain_snprintf(text, sizeof text,
+                           "element %zu is %s: its volume is %.3g of the mean; mesh again with better quality", e,
+                           v < 0 ? "inverted" : "flat", v / mean);
             complain(text);
         }
     }

@@ -9,6 +9,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_quality.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -232,7 +233,7 @@ ObjectMesh fill(const Surface& outer, double edge, const std::vector<Inclusion>&
     }
     ObjectMesh out;
     char switches[64];  // inside, elements are no larger than at the surface
-    std::snprintf(switches, sizeof switches, "pYq1.2/15a%.6eO9/7o/140", 0.25 * edge * edge * edge);
+    plain_snprintf(switches, sizeof switches, "pYq1.2/15a%.6eO9/7o/140", 0.25 * edge * edge * edge);
     out.mesh = run_tetgen(all, switches, settings, {}, inclusions.empty() ? SurfaceUse::finger : SurfaceUse::object);
     if (const auto wrong = check_tets(out.mesh); !wrong.empty()) throw InputError(wrong);
     for (const auto& t : out.mesh.tets) {

@@ -5,6 +5,7 @@
 #include <map>
 #include <numeric>
 
+#include "meshes/plain_numbers.h"
 #include "meshes/triangle_tree.h"
 
 namespace palpate {
@@ -20,8 +21,8 @@ Eigen::Map<const Vector3d> at(const Surface& s, int vertex) {
 std::string place(const Surface& s, int vertex) {
     char text[96];
     const Point& p = s.vertices[vertex];
-    std::snprintf(text, sizeof text, "vertex %d at (%.4g, %.4g, %.4g) mm", vertex + 1, 1e3 * p[0], 1e3 * p[1],
-                  1e3 * p[2]);
+    plain_snprintf(text, sizeof text, "vertex %d at (%.4g, %.4g, %.4g) mm", vertex + 1, 1e3 * p[0], 1e3 * p[1],
+                   1e3 * p[2]);
     return text;
 }
 

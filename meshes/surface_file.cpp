@@ -5,11 +5,16 @@
 #include <OpenMesh/Core/Utils/GenProg.hh>
 #include <algorithm>
 #include <cmath>
+#include <fstream>
+#include <locale>
 #include <map>
 
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/surface.h"
 #include "meshes/surface_scan.h"
+#include "meshes/text_surfaces.h"
 
 namespace palpate {
 
@@ -48,14 +53,42 @@ std::string guess_unit(double diagonal) {
     return "";
 }
 
+void add_to(FileMesh& mesh, const TextSurface& s) {
+    OpenMesh::IO::ImporterT<FileMesh> importer(mesh);
+    std::vector<OpenMesh::VertexHandle> corners;
+    for (const auto& v : s.vertices) importer.add_vertex(OpenMesh::Vec3f(v[0], v[1], v[2]));
+    for (const auto& f : s.faces) {
+        corners.clear();
+        for (int v : f) corners.emplace_back(v);
+        importer.add_face(corners);
+    }
+}
+
+/// False where the file cannot be read.
+bool read_file_mesh(const std::filesystem::path& path, FileMesh& mesh) {
+    std::ifstream in(path, std::ios::binary);
+    in.imbue(std::locale::classic());
+    const std::string kind = lower_extension(path);
+    OpenMesh::IO::Options options;
+    if (kind == ".stl") {
+        if (is_binary_stl(in, std::filesystem::file_size(path))) options += OpenMesh::IO::Options::Binary;
+        in.clear();
+        in.seekg(0);
+    } else {
+        skip_byte_order_mark(in);
+    }
+    const bool text_stl = kind == ".stl" && !options.check(OpenMesh::IO::Options::Binary);
+    if (text_stl || kind == ".obj") return add_to(mesh, text_stl ? read_text_stl(in) : read_obj(in)), true;
+    return OpenMesh::IO::read_mesh(mesh, in, kind, options);
+}
+
 }  // namespace
 
 SurfaceFile read_surface(const std::filesystem::path& path, const std::string& unit, SurfaceUse use) {
     const long expected = scan_surface_file(path);
     FileMesh mesh;
-    OpenMesh::IO::Options options;
     omerr().disable();
-    const bool ok = OpenMesh::IO::read_mesh(mesh, path.string(), options);
+    const bool ok = read_file_mesh(path, mesh);
     omerr().enable();
     if (!ok)
         refuse_file(path, "cannot be read as " + path.extension().string().substr(1) + " (truncated or malformed?)");
@@ -70,7 +103,7 @@ SurfaceFile read_surface(const std::filesystem::path& path, const std::string& u
     const std::map<std::string, double> factor{{"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}};
     if (!file.surface.triangles.empty() && !factor.count(file.unit)) {
         if (unit.empty())
-            refuse_file(path, "its bounds measure " + std::to_string(diagonal) +
+            refuse_file(path, "its bounds measure " + plain_to_string(diagonal) +
                                   " units, which is no fingertip in m, cm or mm; name the unit");
         refuse_file(path, "unknown unit '" + unit + "'; expected m, cm or mm");
     }
@@ -79,7 +112,7 @@ SurfaceFile read_surface(const std::filesystem::path& path, const std::string& u
         for (double& x : p) x *= scale;
     const double low = use == SurfaceUse::finger ? 5e-3 : 1e-3, high = use == SurfaceUse::finger ? 0.2 : 2;
     if (!file.surface.triangles.empty() && (diagonal * scale < low || diagonal * scale > high))
-        refuse_file(path, "its bounds measure " + std::to_string(1e3 * diagonal * scale) + " mm; expected " +
+        refuse_file(path, "its bounds measure " + plain_to_string(1e3 * diagonal * scale) + " mm; expected " +
                               std::to_string(int(1e3 * low)) + " to " + std::to_string(int(1e3 * high)) +
                               " mm (is the unit '" + file.unit + "' right?)");
     auto wrong = check_surface(file.surface, use);

@@ -9,7 +9,9 @@
 #include <sstream>
 #include <vector>
 
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -18,12 +20,6 @@ void refuse_file(const std::filesystem::path& path, const std::string& what) {
 }
 
 namespace {
-
-std::string lower_extension(const std::filesystem::path& path) {
-    std::string e = path.extension().string();
-    std::transform(e.begin(), e.end(), e.begin(), [](unsigned char c) { return std::tolower(c); });
-    return e;
-}
 
 long scan_obj(const std::filesystem::path& path, std::istream& in) {
     long faces = 0;
@@ -39,7 +35,7 @@ long scan_obj(const std::filesystem::path& path, std::istream& in) {
             for (int k = 0; k < 3; ++k) {
                 if (!(words >> word)) refuse_file(path, where + "a vertex needs three numbers");
                 char* end = nullptr;
-                const double x = std::strtod(word.c_str(), &end);
+                const double x = plain_strtod(word.c_str(), &end);
                 if (*end || !std::isfinite(x))
                     refuse_file(path, where + "expected a finite coordinate, found '" + word + "'");
             }
@@ -60,11 +56,13 @@ long scan_obj(const std::filesystem::path& path, std::istream& in) {
 }
 
 long scan_stl(const std::filesystem::path& path, std::istream& in, std::uintmax_t size) {
+    if (is_binary_stl(in, size)) return long((size - 84) / 50);
     char head[84] = {};
+    in.clear();
+    in.seekg(0);
     in.read(head, sizeof head);
     std::uint32_t count = 0;
     std::memcpy(&count, head + 80, 4);
-    if (size >= 84 && size == 84 + 50ull * count) return long(count);
     if (std::strncmp(head, "solid", 5) != 0)
         refuse_file(path, "a binary STL of " + std::to_string(count) + " triangles has " +
                               std::to_string(84 + 50ull * count) + " bytes, this file has " + std::to_string(size) +
@@ -114,7 +112,7 @@ class Numbers {
         std::string word;
         words_ >> word;
         char* end = nullptr;
-        const double x = std::strtod(word.c_str(), &end);
+        const double x = plain_strtod(word.c_str(), &end);
         if (word.empty() || *end || !std::isfinite(x)) complain(what, word);
         return x;
     }
@@ -319,6 +317,21 @@ long scan_ply(const std::filesystem::path& path, std::istream& in, std::uintmax_
 
 }  // namespace
 
+std::string lower_extension(const std::filesystem::path& path) {
+    std::string e = path.extension().string();
+    for (char& c : e)
+        if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
+    return e;
+}
+
+bool is_binary_stl(std::istream& in, std::uintmax_t size) {
+    char head[84] = {};
+    in.read(head, sizeof head);
+    std::uint32_t count = 0;
+    std::memcpy(&count, head + 80, 4);
+    return size >= 84 && size == 84 + 50ull * count;
+}
+
 long scan_surface_file(const std::filesystem::path& path) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error)) refuse_file(path, "no such file");
@@ -328,6 +341,7 @@ long scan_surface_file(const std::filesystem::path& path) {
     std::ifstream in(path, std::ios::binary);
     if (!in) refuse_file(path, "cannot be read (permissions?)");
     const std::string kind = lower_extension(path);
+    if (kind != ".stl") skip_byte_order_mark(in);
     if (kind == ".obj") return scan_obj(path, in);
     if (kind == ".stl") return scan_stl(path, in, size);
     if (kind == ".ply") return scan_ply(path, in, size);

@@ -1,6 +1,8 @@
 // Runs TetGen once: request on standard input, reply on standard output. A process of its own, because
 // TetGen crashes, loops and allocates without bound on hostile input, and because it is AGPL-3.
 
+#include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <tetgen.h>
 #include <unistd.h>
@@ -40,6 +42,8 @@ void limit(int resource, double value) {
 }  // namespace
 
 int main() {
+    // Who waits for the mesh may be ended by a signal, and would leave this at work until its time limit.
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
     palpate::TetgenRequest request;
     if (!read_all(&request, sizeof request)) return 1;
     request.switches[sizeof request.switches - 1] = 0;

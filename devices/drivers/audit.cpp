@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <memory>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 const char* name(BoardState state) {
@@ -18,6 +20,7 @@ bool Audit::write(const std::filesystem::path& file, const std::vector<BoardTran
     const std::filesystem::path part = file.string() + ".part";
     std::unique_ptr<FILE, int (*)(FILE*)> out(std::fopen(part.c_str(), "w"), &std::fclose);
     if (!out) return false;
+    const PlainNumbers plain;
     for (const BoardTransition& t : transitions)
         std::fprintf(out.get(), "# %.4f %s to %s: %s\n", t.at - now, name(t.from), name(t.to), t.reason.c_str());
     std::fputs("time_s,channel,what,value,arrived,age_ms\n", out.get());

@@ -7,6 +7,7 @@
 #include "devices/drivers/maestro.h"
 #include "devices/drivers/maestro_protocol.h"
 #include "devices/loop/clock.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate::maestro {
 
@@ -50,6 +51,7 @@ class DryLink final : public BoardLink {
 
   private:
     void line(const Request& r) {
+        const PlainNumbers plain;
         const double t = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
         std::fprintf(log_.get(), "%.4f,0x%02x,0x%02x,%u,%u\n", t, r.type, r.request, r.value, r.index);
     }

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 std::vector<std::string> ServoCalibration::validate() const {
     std::vector<std::string> wrong;
-    auto text = [](double x) { return std::to_string(x).substr(0, std::to_string(x).find('.') + 3); };
+    auto text = [](double x) { return plain_to_string(x).substr(0, plain_to_string(x).find('.') + 3); };
     check(std::abs(units_per_rad), servo_bounds::units_per_rad, "a servo's units per radian, either way,", "", wrong);
     const bool inside = servo_bounds::units.holds(min) && servo_bounds::units.holds(max);
     if (!inside || !(min < max))

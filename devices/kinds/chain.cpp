@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 namespace {
@@ -72,13 +74,13 @@ std::vector<std::string> validate(const Chain& chain) {
     std::vector<std::string> wrong;
     char text[200];
     if (chain.joints.empty() || chain.joints.size() > std::size_t(max_device_dimension)) {
-        std::snprintf(text, sizeof text, "a chain has 1 to %d joints, found %zu", max_device_dimension,
-                      chain.joints.size());
+        plain_snprintf(text, sizeof text, "a chain has 1 to %d joints, found %zu", max_device_dimension,
+                       chain.joints.size());
         wrong.emplace_back(text);
     }
     for (const ChainJoint& j : chain.joints) {
         auto say = [&](const char* what, double a, double b) {
-            std::snprintf(text, sizeof text, "joint '%s': %s, found %.6g and %.6g", j.name.c_str(), what, a, b);
+            plain_snprintf(text, sizeof text, "joint '%s': %s, found %.6g and %.6g", j.name.c_str(), what, a, b);
             wrong.emplace_back(text);
         };
         if (!(std::abs(j.axis.norm() - 1) < 1e-9)) say("its axis must have a direction", j.axis.norm(), 0);

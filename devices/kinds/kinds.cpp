@@ -1,4 +1,5 @@
 #include "devices/device.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -63,14 +64,14 @@ std::vector<std::string> validate(const DeviceModel& model) {
     char text[240];
     for (std::size_t i = 0; i < kind.geometry_names.size(); ++i)
         if (!(model.geometry[i] > 0 && model.geometry[i] < 0.5)) {
-            std::snprintf(text, sizeof text, "%s = %.6g mm: expected a length between 0 and 500 mm",
-                          kind.geometry_names[i].c_str(), 1e3 * model.geometry[i]);
+            plain_snprintf(text, sizeof text, "%s = %.6g mm: expected a length between 0 and 500 mm",
+                           kind.geometry_names[i].c_str(), 1e3 * model.geometry[i]);
             wrong.emplace_back(text);
         }
     for (int j = 0; j < kind.joint_count; ++j)
         if (!(model.joint_min[j] < model.joint_max[j]) || std::abs(model.joint_min[j]) > 4 ||
             std::abs(model.joint_max[j]) > 4) {
-            std::snprintf(
+            plain_snprintf(
                 text, sizeof text,
                 "joint %d: limits %.6g to %.6g degrees; the lower must be below the upper, both within 229 degrees",
                 j + 1, model.joint_min[j] * 57.29577951308232, model.joint_max[j] * 57.29577951308232);
@@ -84,7 +85,7 @@ std::vector<std::string> validate(const DeviceModel& model) {
         const Joints joints = kind.joints(model, model.rest);
         std::string q;
         for (int j = 0; j < kind.joint_count; ++j) {
-            std::snprintf(text, sizeof text, "%s%.4g", j ? ", " : "", joints.q[j] * 57.29577951308232);
+            plain_snprintf(text, sizeof text, "%s%.4g", j ? ", " : "", joints.q[j] * 57.29577951308232);
             q += text;
         }
         wrong.push_back(std::string("the rest configuration cannot be reached: ") +

@@ -85,16 +85,12 @@ void aim(SkinChunk<T>& c, int lane, const SolverSettings& solver, const Coupling
     carried.position += coupling.target.position - coupling.last_target.position;
     carried.rotation = normalised(coupling.target.rotation * conjugate(coupling.last_target.rotation) * now.rotation);
 
-    // What holds the bone back stretches the spring no farther than its largest force from one step to the next; within
-    // the step the spring itself pulls no harder (pose_spring.h), so that a bone that nothing holds goes all the way.
-    Pose<double> pulled = coupling.target;
-    const Vec3<double> d = pulled.position - carried.position;
+    // However far what holds the bone back has left it behind, the spring pulls no harder than the coupling may
+    // (pose_spring.h), and a bone that nothing holds goes all the way.
     const double reach = coupling.max_force / coupling.stiffness;
-    if (dot(d, d) > reach * reach) pulled.position = carried.position + (reach / norm(d)) * d;
     // The coupling's torque at an angle is 2 kappa sin(angle / 2).
     const double half_turn = 0.5 * coupling.max_torque / coupling.angular_stiffness;
-    pulled.rotation = turned_at_most(carried.rotation, pulled.rotation, std::min(1.0, half_turn));
-    store_spring(c, 0, lane, origin, coupling.stiffness, coupling.angular_stiffness, pulled);
+    store_spring(c, 0, lane, origin, coupling.stiffness, coupling.angular_stiffness, coupling.target);
     c.scratch.coupling_reach[std::size_t(lane)] = T(reach);
     c.scratch.coupling_reach[std::size_t(c.width + lane)] = T(half_turn);
 

@@ -2,13 +2,15 @@
 
 #include <sstream>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 std::vector<std::string> SolverSettings::validate() const {
     std::vector<std::string> wrong;
     auto need = [&](const char* name, double value, const Range& range, const char* unit = "") {
         if (range.holds(value)) return;
-        std::ostringstream sentence;
+        PlainText sentence;
         sentence << name << " must be between " << range.low << " and " << range.high << unit << ", found " << value;
         wrong.push_back(sentence.str());
     };

@@ -2,6 +2,7 @@
 
 #include <mutex>
 
+#include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
 
@@ -49,16 +50,16 @@ void log_step(Session& s) {
         const auto step = static_cast<long long>(w.step);
         char text[400];
         if (status.reset) {
-            std::snprintf(text, sizeof text,
-                          "%.100s diverged in step %lld and was put back to rest: smaller steps (dt_ms), or slower "
-                          "poses, hold it",
-                          name, step);
+            plain_snprintf(text, sizeof text,
+                           "%.100s diverged in step %lld and was put back to rest: smaller steps (dt_ms), or slower "
+                           "poses, hold it",
+                           name, step);
             log(PALPATE_LOG_WARNING, s.id, text);
         }
         if (status.converged) continue;
         const std::int64_t n = ++s.unconverged[i];
         if ((n & (n - 1)) != 0) continue;
-        std::snprintf(
+        plain_snprintf(
             text, sizeof text,
             "%.100s: step %lld did not converge (%lld of its steps so far): %.2g N out of balance, limits exceeded by "
             "%.2g, %.2g um inside an object%s; more iterations (solver.newton_iterations), a preset that has them, "

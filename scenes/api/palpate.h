@@ -347,11 +347,12 @@ PALPATE_API int32_t palpate_keep_frames(PalpateWorld world, double per_second);
 /* The whole state as bytes: put back, the world goes on with the same bits. `needed` becomes their number; with
    capacity 0 nothing else happens. */
 PALPATE_API int32_t palpate_save(PalpateWorld world, void* buffer, int64_t capacity, int64_t* needed);
-/* Into a world of the same scene with the same settings, of the same version of palpate. Damage is found by a checksum;
-   bytes that were forged are not looked for. */
+/* Into a world of the same scene with the same settings (dt_ms and solver, too), of the same version of palpate. Damage
+   is found by a checksum; bytes that were forged are not looked for. */
 PALPATE_API int32_t palpate_restore(PalpateWorld world, const void* bytes, int64_t size);
 
-/* From now on every step is recorded into a file, which `palpate replay` and `palpate convert` read. */
+/* From now on every step is recorded into a file, which `palpate replay` and `palpate convert` read. A file that is no
+   recording is not replaced, nor one that another world or program is recording into (PALPATE_ERROR_FILE). */
 PALPATE_API int32_t palpate_record(PalpateWorld world, const char* file);
 PALPATE_API int32_t palpate_end_recording(PalpateWorld world);
 /* A world that goes through a recorded run (1, 2, ...) again, with what went in then. */

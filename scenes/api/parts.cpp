@@ -6,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
 #include "scenes/run/carry_kept.h"
@@ -63,8 +64,8 @@ void PoseInputs::reserve(std::size_t slots) {
 
 std::int32_t fail_no_part(const char* what, std::int32_t id) noexcept {
     char text[160];
-    std::snprintf(text, sizeof text,
-                  "there is no %s %d in this world, or it has been removed: palpate_list has the ids", what, int(id));
+    plain_snprintf(text, sizeof text,
+                   "there is no %s %d in this world, or it has been removed: palpate_list has the ids", what, int(id));
     return fail(PALPATE_ERROR_ARGUMENT, text);
 }
 
@@ -155,6 +156,7 @@ std::string text_of_scene(const Session& s) {
 void rebuild(Session& s, const std::string& text, const std::vector<std::string>& settings) {
     Scene scene =
         load_scene_now(text, s.simulation->scene.file, settings, &s.templates, poses_now(s.simulation->world));
+    refuse_changed_files(s, scene);
     auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), s.threads, false));
     const World &before = s.world(), &now = fresh->world;
     KeptRows kept{rows_before(now.skins, before.skins), rows_before(now.shapes, before.shapes)};
@@ -162,6 +164,7 @@ void rebuild(Session& s, const std::string& text, const std::vector<std::string>
     carry_kept(*s.simulation, *fresh, kept);
     s.simulation = std::move(fresh);
     s.settings = settings;
+    s.stamps = stamps_of(s.simulation->scene.files);
     s.changed = true;
     take_rows(s, kept.fingers, kept.objects, thimbles);
     renew_views(s);

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
 
@@ -11,7 +12,7 @@ namespace palpate::api {
 
 namespace {
 
-constexpr double degrees = 57.29577951308232;
+constexpr double pi = 3.14159265358979323846, degrees = 180 / pi;
 constexpr std::int32_t most_rows = 10000;
 
 std::string quoted(const char* text) {
@@ -22,7 +23,7 @@ std::string quoted(const char* text) {
         if (*c == '"' || *c == '\\')
             (out += '\\') += *c;
         else if (byte < 32 || byte == 127)
-            std::snprintf(escaped, sizeof escaped, "\\u%04x", byte), out += escaped;
+            plain_snprintf(escaped, sizeof escaped, "\\u%04x", byte), out += escaped;
         else
             out += *c;
     }
@@ -35,7 +36,7 @@ struct Number {
 };
 std::ostream& operator<<(std::ostream& out, Number n) {
     char text[40];
-    std::snprintf(text, sizeof text, "%.17g", n.value);
+    plain_snprintf(text, sizeof text, "%.17g", n.value);
     std::string s = text;
     if (std::isfinite(n.value) && s.find_first_of(".e") == std::string::npos) s += ".0";
     return out << s;
@@ -51,9 +52,11 @@ void put_pose(std::ostream& out, const double* p, const std::string& who, const 
     if (!(length > 1e-6) || !std::isfinite(length))
         throw InputError(who + ": the rotation of its pose must be a quaternion w x y z that is not zero");
     const double w = p[3] / length, x = p[4] / length, y = p[5] / length, z = p[6] / length;
-    const double roll = std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
-    const double pitch = std::asin(std::fmin(1, std::fmax(-1, 2 * (w * y - z * x))));
-    const double yaw = std::atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
+    // Half the sum and half the difference of yaw and roll, each from its own half of the quaternion: where the pitch
+    // is 90 degrees one of them means nothing, and the other one still says the whole rotation.
+    const double sum = std::atan2(z + x, w - y), difference = std::atan2(z - x, w + y);
+    const double pitch = 2 * (std::atan2(std::hypot(w + y, z - x), std::hypot(w - y, z + x)) - 0.25 * pi);
+    const double roll = std::remainder(sum - difference, 2 * pi), yaw = std::remainder(sum + difference, 2 * pi);
     put_vector(out, "position_mm", 1e3 * p[0], 1e3 * p[1], 1e3 * p[2]);
     out << between;
     put_vector(out, "rotation_deg", degrees * roll, degrees * pitch, degrees * yaw);
@@ -118,13 +121,13 @@ const Struct* entry(const Struct* list, std::int32_t i) {
 }  // namespace
 
 std::string finger_text(const PalpateFingerDef* def, const std::string& name) {
-    std::ostringstream out;
+    PlainText out;
     put_finger(out, def, name);
     return out.str();
 }
 
 std::string object_text(const PalpateObjectDef* def, const std::string& name) {
-    std::ostringstream out;
+    PlainText out;
     put_object(out, def, name);
     return out.str();
 }
@@ -140,7 +143,7 @@ std::string scene_text(const PalpateSceneDef& given) {
     };
     check("fingers", scene.finger_count, scene.fingers);
     check("objects", scene.object_count, scene.objects);
-    std::ostringstream out;
+    PlainText out;
     out << "dt_ms = " << Number{1e3 * scene.dt} << "\n";
     put_vector(out, "gravity_m_per_s2", scene.gravity[0], scene.gravity[1], scene.gravity[2]);
     out << "\n";

@@ -122,7 +122,8 @@ struct Session {
     std::atomic_flag owned = ATOMIC_FLAG_INIT;
     std::unique_ptr<Simulation> simulation;
     std::vector<std::string> settings;
-    FingerTemplates templates;  ///< meshes, so that new settings need no mesher
+    std::vector<FileStamp> stamps;  ///< of files that the scene names, as they were when they were read
+    FingerTemplates templates;      ///< meshes, so that new settings need no mesher
     int threads = 1;
     StepInputs inputs;
     Ids fingers, objects, thimbles;
@@ -170,6 +171,9 @@ void show(Session& session);
 /// The same for what stays from step to step, too: after new settings.
 void show_all(Session& session);
 
+/// A living world is changed by loading its scene again: throws InputError where a file has changed that both name,
+/// for what was built of it would change unasked.
+void refuse_changed_files(const Session& session, const Scene& again);
 /// Goes on with other settings. Throws InputError; false where the scene would be built otherwise.
 bool change_settings(Session& session, const std::vector<std::string>& settings);
 

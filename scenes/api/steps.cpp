@@ -5,8 +5,10 @@
 #include <cstring>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/api/guard.h"
 #include "scenes/api/session.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/run/state.h"
 
 using namespace palpate;
@@ -131,8 +133,8 @@ bool possible(std::int32_t n) { return n >= 1 && n <= PALPATE_MOST_STEPS; }
 
 std::int32_t fail_count(double n) {
     char text[120];
-    std::snprintf(text, sizeof text, "expected 1 to %d steps at once, found %.6g: step in parts", PALPATE_MOST_STEPS,
-                  n);
+    plain_snprintf(text, sizeof text, "expected 1 to %d steps at once, found %.6g: step in parts", PALPATE_MOST_STEPS,
+                   n);
     return fail(PALPATE_ERROR_ARGUMENT, text);
 }
 
@@ -239,7 +241,7 @@ int32_t palpate_step_many(const PalpateWorld* worlds, int32_t count, int32_t n) 
             Outcome& o = all[i];
             o.result = session.result() != PALPATE_OK ? session.result() : step_some(*session, n);
             if (o.result != PALPATE_OK)
-                std::snprintf(o.message, sizeof o.message, "world %d of the list: %.160s", i, palpate_last_error());
+                plain_snprintf(o.message, sizeof o.message, "world %d of the list: %.160s", i, palpate_last_error());
         });
         for (int32_t i = 0; i < count; ++i)
             if (all[i].result != PALPATE_OK) return fail(all[i].result, all[i].message);
@@ -326,6 +328,7 @@ int32_t palpate_record(PalpateWorld world, const char* file) {
         if (session->replay) return fail(PALPATE_ERROR_STATE, "a replay is not recorded again");
         if (session->recorder) return fail(PALPATE_ERROR_STATE, "it is being recorded: palpate_end_recording first");
         try {
+            refuse_to_replace("palpate_record:", file, Output::recording);
             session->recorder = std::make_unique<RunWriter>(file, *session->simulation, session->settings);
         } catch (const std::runtime_error& error) { return fail(PALPATE_ERROR_FILE, error.what()); }
         return int32_t(PALPATE_OK);

@@ -80,15 +80,29 @@ Scene scene_again(Session& session, const std::vector<std::string>& settings) {
 Session::Session(Simulation s) : simulation(std::make_unique<Simulation>(std::move(s))) {
     const auto fresh = [](std::size_t n) { return std::vector<int>(n, -1); };
     take_rows(*this, fresh(world().skins.size()), fresh(world().shapes.size()), fresh(world().matchings.size()));
+    stamps = stamps_of(simulation->scene.files);
+}
+
+void refuse_changed_files(const Session& session, const Scene& again) {
+    std::vector<FileStamp> both;
+    for (const FileStamp& now : stamps_of(again.files))
+        for (const FileStamp& then : session.stamps)
+            if (then.file == now.file) both.push_back(then);
+    std::vector<std::string> changes = changes_of(both, "the world was made");
+    for (std::string& change : changes) change += ": put it back, or load the scene anew";
+    if (!changes.empty()) throw InputError(changes);
 }
 
 bool change_settings(Session& session, const std::vector<std::string>& settings) {
-    auto fresh = std::make_unique<Simulation>(make_simulation(scene_again(session, settings), session.threads, false));
+    Scene again = scene_again(session, settings);
+    refuse_changed_files(session, again);
+    auto fresh = std::make_unique<Simulation>(make_simulation(std::move(again), session.threads, false));
     // What carry_over moves out of the old world it moves only where it succeeds.
     if (!carry_over(*session.simulation, *fresh)) return false;
     fresh->finger_counts = session.simulation->finger_counts;
     session.simulation = std::move(fresh);
     session.settings = settings;
+    session.stamps = stamps_of(session.simulation->scene.files);
     return true;
 }
 
@@ -160,6 +174,7 @@ int32_t palpate_clone(PalpateWorld world, PalpateWorld* clone) {
             std::make_unique<Session>(make_simulation(Scene(session->simulation->scene), session->threads, false));
         other->settings = session->settings;
         other->templates = session->templates;
+        other->stamps = session->stamps;
         other->threads = session->threads;
         std::string why;
         if (!restore_state(*other->simulation, session->state.data(), session->state.size(), why))

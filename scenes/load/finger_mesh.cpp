@@ -9,6 +9,7 @@
 #include "meshes/mesh_cache.h"
 #include "meshes/mesh_files.h"
 #include "meshes/patches.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/tetrahedralise.h"
 
 namespace palpate {
@@ -48,8 +49,8 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
         if (!(regions == r.regions)) {
             const auto box = bounds(surface.vertices);
             char text[120];
-            std::snprintf(text, sizeof text, ", phalanx narrowed to a radius of %.2f mm (phalanx_radius %.3g)",
-                          1e3 * regions.phalanx_radius * (box[1][2] - box[0][2]), regions.phalanx_radius);
+            plain_snprintf(text, sizeof text, ", phalanx narrowed to a radius of %.2f mm (phalanx_radius %.3g)",
+                           1e3 * regions.phalanx_radius * (box[1][2] - box[0][2]), regions.phalanx_radius);
             note += text;
         }
         MeshKey key("conforming");
@@ -93,7 +94,7 @@ std::string template_key(const FingerMeshRequest& r, double nail_drop) {
                       std::to_string(r.patches_limited.value_or(false)) + " " + std::to_string(r.layered);
     const auto add = [&](double x) {
         char text[40];
-        std::snprintf(text, sizeof text, " %.17g", x);
+        plain_snprintf(text, sizeof text, " %.17g", x);
         key += text;
     };
     add(nail_drop);
@@ -153,13 +154,14 @@ Surface oriented(const FingerMeshRequest& r, const Surface& surface, std::string
     note += ", " + describe(guess);
     if (guess.confidence < least_orientation_confidence) {
         char text[300];
-        std::snprintf(text, sizeof text,
-                      ": how it lies is not certain (confidence %.2f, needed: %.2f; least sure: %s). Say it: mesh = { "
-                      "surface = \"...\", orientation = { tip = [%.2g, %.2g, %.2g], dorsal = [%.2g, %.2g, %.2g] } } is "
-                      "the guess; `palpate mesh FILE --picture out.svg` shows it",
-                      guess.confidence, least_orientation_confidence, guess.doubt.c_str(), guess.orientation.tip[0],
-                      guess.orientation.tip[1], guess.orientation.tip[2], guess.orientation.dorsal[0],
-                      guess.orientation.dorsal[1], guess.orientation.dorsal[2]);
+        plain_snprintf(
+            text, sizeof text,
+            ": how it lies is not certain (confidence %.2f, needed: %.2f; least sure: %s). Say it: mesh = { "
+            "surface = \"...\", orientation = { tip = [%.2g, %.2g, %.2g], dorsal = [%.2g, %.2g, %.2g] } } is "
+            "the guess; `palpate mesh FILE --picture out.svg` shows it",
+            guess.confidence, least_orientation_confidence, guess.doubt.c_str(), guess.orientation.tip[0],
+            guess.orientation.tip[1], guess.orientation.tip[2], guess.orientation.dorsal[0],
+            guess.orientation.dorsal[1], guess.orientation.dorsal[2]);
         throw InputError(r.file + text);
     }
     return turn_to_finger_frame(surface, guess.orientation);

@@ -8,6 +8,7 @@
 #include "meshes/input_error.h"
 #include "meshes/layers.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/load/section.h"
 
 namespace palpate {
@@ -364,7 +365,7 @@ namespace {
 
 std::string orientation_text(const FingerMeshRequest& r) {
     if (!r.orientation) return "";
-    std::ostringstream out;
+    PlainText out;
     auto put = [&](const char* name, const Point& p) {
         out << name << " = [" << p[0] << ", " << p[1] << ", " << p[2] << "]";
     };
@@ -378,9 +379,9 @@ std::string orientation_text(const FingerMeshRequest& r) {
 
 void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
                        const std::vector<std::string>& comment) {
-    std::ostringstream out;
+    PlainText out;
     auto quoted = [](const std::string& s) {
-        std::ostringstream text;
+        PlainText text;
         text << toml::value<std::string>(s);
         return text.str();
     };
@@ -390,7 +391,7 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (!m.source.empty()) out << "source = " << quoted(m.source) << "\n";
     const FingerMeshRequest& r = m.mesh;
     out << "elements = " << r.elements << "\n";
-    std::ostringstream how;
+    PlainText how;
     how.precision(6);
     if (r.kind == FingerMeshRequest::Kind::conforming)
         how << "kind = \"conforming\", coarse = " << r.grading.coarse << ", bone = " << r.grading.bone << ", ";

@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 namespace {
@@ -27,8 +29,8 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 /// Twelve digits, so that a bound does not end in ...0001.
 double rounded(double x) {
     char text[40];
-    std::snprintf(text, sizeof text, "%.12g", x);
-    return std::strtod(text, nullptr);
+    plain_snprintf(text, sizeof text, "%.12g", x);
+    return plain_strtod(text, nullptr);
 }
 
 }  // namespace
@@ -47,7 +49,7 @@ std::string joined(const std::vector<std::string>& words) {
 }
 
 std::string number_text(double x) {
-    std::ostringstream out;
+    PlainText out;
     out << x;
     return out.str();
 }

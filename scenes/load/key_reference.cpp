@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/load/finger_model.h"
 #include "scenes/load/load_devices.h"
 #include "scenes/load/scene.h"
@@ -108,7 +109,7 @@ std::string key_listing(const std::vector<KeyInfo>& kinds, const std::string& na
     for (const KeyInfo& kind : kinds)
         if (name == kind.name || name.starts_with(kind.name + "."))
             path = name.substr(std::min(name.size(), kind.name.size() + 1));
-    std::ostringstream out;
+    PlainText out;
     out << (path.empty() ? table.name : heading(table, path)) << "  " << table.sentence << "\n";
     for (const KeyInfo& k : table.keys) {
         if (is_table(k)) continue;
@@ -138,7 +139,7 @@ std::string cell(const std::string& text) {
 }
 
 void add_markdown(const KeyInfo& table, const std::string& path,
-                  std::vector<std::pair<const KeyInfo*, std::string>>& seen, std::ostringstream& out) {
+                  std::vector<std::pair<const KeyInfo*, std::string>>& seen, PlainText& out) {
     if (!path.empty()) {
         out << "### `" << heading(table, path) << "`\n\n" << table.sentence << "\n\n";
         for (const auto& [other, name] : seen)
@@ -170,7 +171,7 @@ void add_markdown(const KeyInfo& table, const std::string& path,
 }  // namespace
 
 std::string key_markdown(const std::vector<KeyInfo>& kinds) {
-    std::ostringstream out;
+    PlainText out;
     out << "# Keys of all files\n\nMade by `palpate keys --markdown` from what the loader itself declares. `palpate "
            "keys "
            "TABLE` prints a part of it; `palpate keys --json-schema` is a schema with which editors complete and check "

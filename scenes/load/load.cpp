@@ -84,13 +84,15 @@ FingerModel read_common_finger(Section& root) {
     return model;
 }
 
-void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerModel& m, Problems& problems) {
+void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerModel& m, Scene& scene,
+                        Problems& problems) {
     std::string named;
     s.text(
         "finger", named,
         "Shape, tissue and limits from a preset (`palpate list`), or from a file that ends with .toml; the keys here "
         "override it.");
     if (named.empty()) return;
+    if (named.ends_with(".toml")) scene.files.push_back(folder / named);
     const FingerMeshRequest plain;  // what a file says nothing of is as it was when it was written
     m.mesh.kind = plain.kind, m.mesh.patch = plain.patch, m.mesh.grading = plain.grading, m.mesh.by_default = false;
     m.mesh.patches_limited = false;
@@ -144,6 +146,7 @@ void add_finger(Section& s, FingerModel m, FingerTemplates& templates, Scene& sc
         s.complain_as_found(m.mesh.file.empty() ? "shape" : "mesh", error.messages);
         scene.spec.fingers.push_back(m.spec);
     }
+    if (!m.mesh.file.empty()) scene.files.emplace_back(m.mesh.file);
     scene.mesh_notes.push_back(note);
     scene.finger_models.push_back(m);
 }
@@ -160,7 +163,7 @@ void read_fingers(Section& root, Scene& scene, const std::filesystem::path& fold
         s.text("name", f.name, "What it is called in messages and results.");
         check_name(s, f.name, names, "fingers");
         names.push_back(f.name);
-        read_finger_preset(s, folder, m, problems);
+        read_finger_preset(s, folder, m, scene, problems);
         read_finger_model(s, folder, m);
         read_coupling(s.table("coupling", coupling_sentence), f.coupling);
         read_filter(s.table("filter", filter_sentence), f.filter);

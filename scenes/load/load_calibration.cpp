@@ -2,9 +2,10 @@
 
 #include <toml++/toml.h>
 #include <algorithm>
-#include <fstream>
 
 #include "meshes/input_error.h"
+#include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/load/load_devices.h"
 
 namespace palpate {
@@ -134,7 +135,7 @@ ThimbleCalibration read_calibration(const std::filesystem::path& file) {
 }
 
 void write_calibration(const std::filesystem::path& file, const ThimbleCalibration& c, const std::string& unit) {
-    std::ofstream out(file);
+    PlainText out;
     out << "# Calibration of a thimble's servos, one per joint.\nserial = \"" << c.serial << "\"\nunit = \"" << unit
         << "\"\n";
     for (std::size_t i = 0; i < c.servos.size(); ++i)
@@ -142,7 +143,7 @@ void write_calibration(const std::filesystem::path& file, const ThimbleCalibrati
             << unit << "_per_rad = " << c.servos[i].units_per_rad << "\nmin_" << unit << " = " << c.servos[i].min
             << "\nmax_" << unit << " = " << c.servos[i].max << "\ntorque_per_Nm = " << c.servos[i].torque_per_Nm
             << "\ntorque_max = " << c.servos[i].torque_max << "\n";
-    if (!out.flush()) throw InputError(file.string() + ": cannot be written");
+    write_file(file, out.str());
 }
 
 }  // namespace palpate

@@ -181,6 +181,7 @@ void read_followed(Section& s, Scene& scene, const HandSource& source, FingerMot
         auto read =
             std::make_shared<HandRecording>(read_hand_recording(source.file, hand_names[std::size_t(motion.hand)]));
         read->loop = source.loop;
+        scene.files.push_back(source.file);
         recording = read;  // also where it is refused: other fingers need not say so again
         if (const std::string problem = recorded_time_problem(*read); !problem.empty())
             s.doubt("follow", source.file.string() + ": " + problem);

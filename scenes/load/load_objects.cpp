@@ -182,6 +182,7 @@ void read_objects(Section& root, Scene& scene, const std::filesystem::path& fold
         auto track = read_track(s, "Poses over time of an object that a script moves, instead of a fixed pose.");
         check_belongings(s, shape.kind);
         const bool shaped = make_shape(s, shape, folder, o);
+        if (shaped && shape.kind == ShapeKind::mesh) scene.files.push_back(folder / shape.file);
         read_soft(s, shaped && s.in_file(), (folder / shape.file).lexically_normal().string(),
                   unit_words[std::size_t(shape.unit)], templates, o);
         if (shaped && !s.has("soft")) make_body(s, body, o);

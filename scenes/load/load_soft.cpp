@@ -8,6 +8,7 @@
 #include "meshes/input_error.h"
 #include "meshes/object_mesh.h"
 #include "meshes/patches.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/remesh.h"
 #include "scenes/load/section.h"
 
@@ -44,20 +45,20 @@ void read_nodules(Section& soft, const ObjectSpec& o, bool shaped, SoftKeys& k) 
         n.place.centre = {centre.x, centre.y, centre.z};
         const double depth = -surface_point(o.shape, Pose<double>::identity(), centre).distance;
         char text[200];
-        std::snprintf(text, sizeof text,
-                      "a nodule must lie inside its object: expected a centre deeper below the surface than 1.1 radii "
-                      "(%.3g mm), found %.3g mm",
-                      1.1e3 * n.place.radius, 1e3 * depth);
+        plain_snprintf(text, sizeof text,
+                       "a nodule must lie inside its object: expected a centre deeper below the surface than 1.1 radii "
+                       "(%.3g mm), found %.3g mm",
+                       1.1e3 * n.place.radius, 1e3 * depth);
         auto complain = [&] { s.complain("centre_mm", text), k.nodules_fit = false; };
         if (!(depth > 1.1 * n.place.radius)) complain();
         for (const Nodule& other : k.nodules) {
             const double apart =
                 std::hypot(n.place.centre[0] - other.place.centre[0], n.place.centre[1] - other.place.centre[1],
                            n.place.centre[2] - other.place.centre[2]);
-            std::snprintf(text, sizeof text,
-                          "nodules must lie apart: expected centres more than 1.1 times both radii (%.3g mm) apart, "
-                          "found %.3g mm",
-                          1.1e3 * (n.place.radius + other.place.radius), 1e3 * apart);
+            plain_snprintf(text, sizeof text,
+                           "nodules must lie apart: expected centres more than 1.1 times both radii (%.3g mm) apart, "
+                           "found %.3g mm",
+                           1.1e3 * (n.place.radius + other.place.radius), 1e3 * apart);
             if (!(apart > 1.1 * (n.place.radius + other.place.radius))) complain();
         }
         k.nodules.push_back(n);
@@ -95,7 +96,7 @@ ObjectMesh mesh_of(const ObjectSpec& o, const SoftKeys& k, const std::string& fi
     std::string key = "soft " + std::to_string(int(o.shape.kind)) + " " + std::to_string(k.elements) + " " + file;
     auto add = [&](double v) {
         char text[40];
-        std::snprintf(text, sizeof text, " %.17g", v);
+        plain_snprintf(text, sizeof text, " %.17g", v);
         key += text;
     };
     for (double v : {o.shape.size.x, o.shape.size.y, o.shape.size.z}) add(v);
@@ -137,10 +138,10 @@ void fill(Section& s, const SoftKeys& k, const std::string& file, const std::str
     const std::size_t held = f.mesh.bone_nodes.size();
     if (held < 3 || held == f.mesh.nodes.size()) {
         char text[240];
-        std::snprintf(text, sizeof text,
-                      "expected at least three nodes within fixed_mm of the %s side, and not all %zu of them; found "
-                      "%zu within %.3g mm",
-                      sides[std::size_t(k.fixed)].c_str(), f.mesh.nodes.size(), held, 1e3 * k.fixed_depth);
+        plain_snprintf(text, sizeof text,
+                       "expected at least three nodes within fixed_mm of the %s side, and not all %zu of them; found "
+                       "%zu within %.3g mm",
+                       sides[std::size_t(k.fixed)].c_str(), f.mesh.nodes.size(), held, 1e3 * k.fixed_depth);
         return s.complain(s.has("fixed_mm") ? "fixed_mm" : "fixed", text);
     }
     mark_pad(f.mesh);

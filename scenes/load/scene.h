@@ -37,7 +37,8 @@ struct DriverSpec {
 
 struct Scene {
     std::filesystem::path file;
-    std::optional<std::string> text;  ///< of a scene that was given as text: there is no such file
+    std::optional<std::string> text;           ///< of a scene that was given as text: there is no such file
+    std::vector<std::filesystem::path> files;  ///< that it names, and was made of: meshes, fingers, recordings
     std::string title;
     double duration = 1;  ///< [s]
     SceneSpec spec;

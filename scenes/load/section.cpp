@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -14,7 +15,7 @@ bool has_controls(const std::string& text) {
 }
 
 std::string Problems::placed(const toml::node* where, const std::string& message) const {
-    std::ostringstream out;
+    PlainText out;
     out << file.string();
     if (where && where->source().begin.line > 0)
         out << ":" << where->source().begin.line << ":" << where->source().begin.column;
@@ -25,7 +26,7 @@ std::string Problems::placed(const toml::node* where, const std::string& message
 namespace {
 
 std::string describe(const toml::node& node) {
-    std::ostringstream out;
+    PlainText out;
     if (node.is_table()) return "a table";
     if (node.is_array()) return "an array";
     node.visit([&](const auto& n) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/bodies/body_contact.h"
+#include "meshes/plain_numbers.h"
 #include "meshes/triangle_tree.h"
 
 namespace palpate {
@@ -15,8 +16,8 @@ Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
 std::string mm_text(double metres) {
     char text[32];
-    std::snprintf(text, sizeof text, "%.2g mm", 1e3 * metres);
-    if (metres >= 0.1) std::snprintf(text, sizeof text, "%.0f mm", 1e3 * metres);
+    plain_snprintf(text, sizeof text, "%.2g mm", 1e3 * metres);
+    if (metres >= 0.1) plain_snprintf(text, sizeof text, "%.0f mm", 1e3 * metres);
     return text;
 }
 
@@ -76,8 +77,8 @@ bool lies_inside(const FingerSpec& f, const ObjectSpec& o) {
 /// What comes of an overlap.
 std::string way_out(const Scene& scene) {
     char text[80];
-    std::snprintf(text, sizeof text, "it comes out at %.3g mm/s (solver.recovery_speed_mm_per_s)",
-                  1e3 * scene.spec.solver.recovery_speed);
+    plain_snprintf(text, sizeof text, "it comes out at %.3g mm/s (solver.recovery_speed_mm_per_s)",
+                   1e3 * scene.spec.solver.recovery_speed);
     return text;
 }
 

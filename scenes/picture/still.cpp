@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "engine/contact/contact_edge.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -32,7 +33,7 @@ constexpr Colour hand_colour{0.90f, 0.76f, 0.67f};
 
 std::string formatted(const char* format, double value) {
     char text[64];
-    std::snprintf(text, sizeof text, format, value);
+    plain_snprintf(text, sizeof text, format, value);
     return text;
 }
 

@@ -3,10 +3,12 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/finger_source.h"
+#include "scenes/program/interruption.h"
 #include "scenes/recording/svg.h"
 #include "scenes/studies/calibration.h"
 
@@ -58,9 +60,10 @@ std::string percent(double share) {
     return text;
 }
 
-nlohmann::json json_of(const Calibration& c) {
+nlohmann::json json_of(const Calibration& c, bool interrupted) {
     auto number = [](double v) { return std::isfinite(v) ? nlohmann::json(v) : nlohmann::json(); };
     nlohmann::json j{{"converged", c.converged}, {"mean_squared_residual", c.cost}, {"simulations", c.simulations}};
+    if (interrupted) j["interrupted"] = true;
     for (const FittedParameter& p : c.parameters)
         j["parameters"].push_back({{"name", p.name},
                                    {"value", p.value},
@@ -96,27 +99,32 @@ std::vector<std::string> report(const Calibration& c) {
 
 int run_calibrate(const CalibrateArguments& a, const std::atomic<bool>& stop) {
     const auto data = read_measured_curves(a.data);
+    std::optional<EndsAtOnce> loading(std::in_place);
     const FingerModel start = load_finger(a.source);
+    loading.reset();
     Threads threads(a.threads);
     std::function<void(const std::string&)> progress;
     const bool shown = !a.quiet && isatty(STDERR_FILENO) != 0;
     if (shown) progress = [](const std::string& line) { std::fprintf(stderr, "\r%-78s", line.c_str()); };
     const Calibration c = calibrate(start, data, a.settings, threads, stop, progress);
     if (shown) std::fprintf(stderr, "\r%-78s\r", "");
-    const auto lines = report(c);
+    const bool interrupted = stop;
+    auto lines = report(c);
+    if (interrupted) lines.insert(lines.begin(), "INTERRUPTED: the best of what had been tried, and no finished fit");
     FingerModel model = c.model;
-    model.title = (start.title.empty() ? a.source.name : start.title) + ", fitted";
+    model.title =
+        (start.title.empty() ? a.source.name : start.title) + (interrupted ? ", fit interrupted" : ", fitted");
     model.source = "palpate calibrate " + a.data;
     write_finger_file(a.out, model, lines);
     const std::string plot = a.plot.empty() ? std::filesystem::path(a.out).replace_extension(".svg").string() : a.plot;
     draw(plot, c, data);
     if (a.json) {
-        std::printf("%s\n", json_of(c).dump(2).c_str());
+        std::printf("%s\n", json_of(c, interrupted).dump(2).c_str());
     } else {
         for (const std::string& line : lines) std::printf("%s\n", line.c_str());
         std::printf("written: %s (in a scene: finger = \"%s\"), %s\n", a.out.c_str(), a.out.c_str(), plot.c_str());
     }
-    return stop ? 130 : 0;
+    return interrupted ? 130 : 0;
 }
 
 }  // namespace

@@ -3,9 +3,11 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/wrapped.h"
@@ -25,6 +27,7 @@ struct Comparison {
     std::vector<MatchingMethod> methods;
     std::vector<std::string> fingers;
     std::vector<std::vector<ComparedStep>> steps;  ///< per finger
+    bool interrupted = false;                      ///< steps are those until then
 };
 
 std::string title_of(const Comparison& c, std::size_t method) {
@@ -66,7 +69,8 @@ Plot error_plot(const std::vector<Comparison>& comparisons, std::size_t finger, 
     double low = 1e300, high = -1e300;
     for (const ComparedStep& row : first) low = std::min(low, row.roll_deg), high = std::max(high, row.roll_deg);
     const bool rolls = high - low > 5;
-    Plot plot{std::string(shown.title) + ", " + comparisons[0].fingers[finger],
+    Plot plot{std::string(shown.title) + ", " + comparisons[0].fingers[finger] +
+                  (comparisons.back().interrupted ? ", interrupted" : ""),
               rolls ? "roll angle [degrees]" : "time [s]",
               shown.label,
               {},
@@ -194,6 +198,7 @@ nlohmann::json json_of(const std::vector<Comparison>& comparisons) {
             nlohmann::json j{
                 {"finger", c.fingers[finger]}, {"steps", steps.size()}, {"methods", nlohmann::json::array()}};
             if (!c.kind.empty()) j["kind"] = c.kind;
+            if (c.interrupted) j["interrupted"] = true;
             if (!steps.empty()) j["wanted_shear_N"] = wanted_shear(steps);
             for (std::size_t m = 0; m < c.methods.size() && !steps.empty(); ++m) {
                 const MethodFigures f = figures_of(steps, m);
@@ -226,6 +231,7 @@ Comparison compare_kind(const CompareArguments& a, const std::string& kind, cons
     for (const std::string& name : a.methods) parse_method(name, options.methods.emplace_back());
     c.methods = options.methods;
     std::vector<std::string> overrides = a.overrides;
+    std::optional<EndsAtOnce> loading(std::in_place);
     Scene scene = load_scene(a.scene, overrides);
     if (scene.spec.thimbles.empty() || scene.spec.objects.empty())
         throw InputError(a.scene +
@@ -239,9 +245,11 @@ Comparison compare_kind(const CompareArguments& a, const std::string& kind, cons
     for (const ThimbleSpec& t : scene.spec.thimbles)
         c.fingers.push_back(scene.spec.fingers[std::size_t(t.finger)].name);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
+    loading.reset();
     Progress progress("compare", a.quiet);
     c.steps = compare(simulation, options, stop, [&](double share) { progress.show(share); });
     progress.clear();
+    c.interrupted = stop;
     return c;
 }
 
@@ -252,6 +260,7 @@ int compare_scene(const CompareArguments& a, const std::atomic<bool>& stop) {
     std::vector<Comparison> comparisons;
     for (const std::string& kind : a.kinds.empty() ? std::vector<std::string>{""} : a.kinds)
         if (!stop) comparisons.push_back(compare_kind(a, kind, stop));
+    if (comparisons.empty()) return 130;
     std::error_code error;
     std::filesystem::create_directories(folder, error);
     if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
@@ -274,7 +283,11 @@ int compare_scene(const CompareArguments& a, const std::atomic<bool>& stop) {
         std::printf("%s\n", json_of(comparisons).dump(2).c_str());
     else if (!a.quiet)
         std::printf("written to %s (errors.svg, one -errors.csv per finger)\n", folder.string().c_str());
-    return stop ? 130 : 0;
+    if (!stop) return 0;
+    const bool lacks_kinds = comparisons.size() < a.kinds.size();
+    std::fprintf(stderr, "interrupted: what was compared ends there%s\n",
+                 lacks_kinds ? ", and kinds of devices are missing" : "");
+    return 130;
 }
 
 }  // namespace

@@ -5,10 +5,10 @@
 
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
-#include "scenes/program/outputs.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/replay_run.h"
 #include "scenes/recording/hdf5_file.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
 

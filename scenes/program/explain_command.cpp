@@ -2,10 +2,12 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <optional>
 
 #include "engine/skin/solve/solve_skin.h"
 #include "scenes/load/key.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/run/simulation.h"
 
@@ -140,7 +142,9 @@ void explain_detail(const Simulation& s) {
 
 int explain(const std::string& file, const std::vector<std::string>& overrides, bool measured,
             const std::atomic<bool>& stop) {
+    std::optional<EndsAtOnce> loading(std::in_place);
     Simulation s = make_simulation(load_scene(file, overrides), 1);
+    loading.reset();
     const SceneSpec& spec = s.scene.spec;
     std::vector<std::string> limited, rubbing, bodies, moving, devices, following;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {

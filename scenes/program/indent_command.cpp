@@ -5,6 +5,7 @@
 #include "meshes/input_error.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/finger_source.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/series.h"
@@ -132,6 +133,7 @@ void print(const std::vector<Press>& presses) {
 }
 
 int run_indent(const IndentArguments& a) {
+    const EndsAtOnce interruptible;  // nothing is written before all presses are done
     FingerModel model = load_finger(a.source);
     const std::string title = model.title.empty() ? a.source.name : model.title;
     FingerTemplates templates;

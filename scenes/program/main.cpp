@@ -16,6 +16,7 @@
 #include "meshes/input_error.h"
 #include "scenes/program/command_table.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/version.h"
 
 namespace {
@@ -26,6 +27,7 @@ constexpr double one_press = 0.05;  ///< Ctrl-C may come twice for one, to a pro
 
 /// The first asks for an orderly end. A second Ctrl-C waits for nothing but thimbles to be at rest.
 extern "C" void request_stop(int signal) {
+    palpate::end_if_at_once();
     stop_requested = true;
     if (signal != SIGINT) return;
     const double now = palpate::device_clock(), before = interrupted_at.exchange(now);

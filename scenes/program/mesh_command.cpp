@@ -7,6 +7,7 @@
 #include "meshes/mesh_quality.h"
 #include "scenes/load/finger_mesh.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 
 namespace palpate {
 
@@ -63,6 +64,7 @@ void draw_orientation(const MeshArguments& a, const FingerMeshRequest& r) {
 }
 
 int make_mesh(const MeshArguments& a) {
+    const EndsAtOnce interruptible;
     double surface_volume = 0;
     const FingerMeshRequest request = request_of(a, surface_volume);
     if (!a.picture.empty()) draw_orientation(a, request);

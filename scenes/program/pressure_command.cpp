@@ -8,6 +8,7 @@
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
 #include "scenes/program/finger_source.h"
+#include "scenes/program/interruption.h"
 #include "scenes/run/series.h"
 #include "scenes/run/wrapped.h"
 #include "scenes/studies/pressure_maps.h"
@@ -118,6 +119,7 @@ int run_pressure(const PressureArguments& a) {
     double most = 0;
     for (const PressureMap& m : maps) most = std::max(most, m.clipped ? 0 : m.force);
     if (!(most > 0)) throw InputError("no map presses on anything without being clipped: nothing can be compared");
+    const EndsAtOnce interruptible;
     FingerModel model = load_finger(a.source);
     if (a.elements > 0) model.mesh.elements = a.elements;
     FingerTemplates templates;

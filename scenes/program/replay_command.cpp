@@ -5,9 +5,9 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
-#include "scenes/program/outputs.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/replay_run.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
 #include "scenes/recording/video.h"
@@ -35,6 +35,8 @@ bool replay_one(const ReplayArguments& a, const Recording& recording, std::size_
     PressureScales scales;
     std::optional<Video> video;
     if (!a.video.empty()) video.emplace(a.video, PictureSettings{});
+    for (const std::string& change : changes_of(run.files, "the run was recorded"))
+        std::fprintf(stderr, "%s\n", change.c_str());
     Progress progress("replay");
     const Replay replay = replay_run(run, a.file, a.threads, stop, [&](const Simulation& s) {
         progress.show(double(s.world.step) / double(std::max<std::size_t>(1, run.steps.size())), s.world.step,

@@ -1,8 +1,10 @@
 #include "scenes/program/replay_run.h"
 
 #include <cstdio>
+#include <optional>
 
 #include "meshes/input_error.h"
+#include "scenes/program/interruption.h"
 #include "scenes/run/carry_over.h"
 
 namespace palpate {
@@ -42,7 +44,9 @@ void change_settings(const RecordedRun& run, const RecordedRun::Change& change, 
 Replay replay_run(const RecordedRun& run, const std::filesystem::path& file, int threads, const std::atomic<bool>& stop,
                   const std::function<void(const Simulation&)>& after_step) {
     Replay out;
+    std::optional<EndsAtOnce> loading(std::in_place);
     out.simulation = std::make_unique<Simulation>(make_simulation(recorded_scene(run, file, run.overrides), threads));
+    loading.reset();
     if (array_names(*out.simulation) != run.arrays || out.simulation->world.shapes.size() != run.objects.size())
         throw InputError(file.string() + ": the scene builds other fingers or thimbles than the recorded run had");
     const std::size_t end = run.gaps.empty() ? run.steps.size() : run.gaps[0].step;

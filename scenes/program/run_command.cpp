@@ -5,14 +5,16 @@
 #include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "meshes/input_error.h"
 #include "scenes/load/result_files.h"
 #include "scenes/program/commands.h"
-#include "scenes/program/outputs.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/stream_options.h"
 #include "scenes/recording/live_tables.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/recording/results.h"
 #include "scenes/recording/results_folder.h"
 #include "scenes/recording/run_file.h"
@@ -62,12 +64,12 @@ std::vector<std::string> affordable_settings(const RunArguments& a, const std::v
     std::string told;
     for (const BudgetPoint& t : choice.tried) {
         char line[120];
-        std::snprintf(line, sizeof line, "%s%s %s%.2f ms%s", told.empty() ? "" : ", ", name_of(t).c_str(),
+        std::snprintf(line, sizeof line, "%s%s %s%.3g ms%s", told.empty() ? "" : ", ", name_of(t).c_str(),
                       t.exceeded ? "over " : "", t.p99_ms, t.cached ? " (measured earlier)" : "");
         told += line;
     }
     if (!choice.found && !stop)
-        throw InputError(a.scene + ": no preset keeps its steps within " + std::to_string(a.budget_ms) +
+        throw InputError(a.scene + ": no preset keeps its steps within " + written("%g", a.budget_ms) +
                          " ms on this machine (p99: " + told + "); fewer elements, or fewer fingers, would");
     if (!a.quiet && !a.json) {
         char budget[60];
@@ -188,14 +190,17 @@ void refuse_to_lose_files(const RunArguments& a) {
 
 int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     refuse_to_lose_files(a);
+    refuse_to_hold_unarmed(a.hold, a.arm);
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     const std::vector<std::string> overrides = all_overrides(a, stop);
+    std::optional<EndsAtOnce> loading(std::in_place);
     Scene scene = load_scene(a.scene, overrides);
     if (a.pads_per_second > 0) refuse_colliding_pads(scene);
     tell_of_scene(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
     Simulation simulation = make_simulation(std::move(scene), a.threads);
+    loading.reset();
     follow_tracker(a, simulation);
     ReportRecorder report;
     PressureScales scales;

@@ -5,14 +5,17 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <sstream>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/program/commands.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
 #include "scenes/program/version.h"
+#include "scenes/recording/file_stamp.h"
 #include "scenes/recording/svg.h"
 #include "scenes/run/budget.h"
 #include "scenes/run/wrapped.h"
@@ -65,18 +68,40 @@ void read_rows(const std::string& text, std::size_t axes, std::map<std::vector<s
     }
 }
 
-/// Those of an earlier, interrupted sweep of the same kind.
-std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::path& file, const std::string& header,
-                                                         std::size_t axes) {
+/// What rows are of, as a comment: the scene with all files that it names, what is set, the program.
+std::string basis_of(const SweepArguments& a, const Scene& scene) {
+    std::vector<std::filesystem::path> files = scene.files;
+    files.push_back(scene.file);
+    std::ostringstream all;
+    for (const FileStamp& f : stamps_of(files)) all << f.file << " " << f.bytes << " " << f.hash << "\n";
+    for (const std::string& o : a.overrides) all << o << "\n";
+    all << a.reference_dt_ms << "\n" << program_version << " " << program_commit;
+    const std::string text = all.str();
+    std::ostringstream out;
+    out << "# of " << std::hex << hash_of(text.data(), text.size());
+    return out.str();
+}
+
+/// Those of an earlier, interrupted sweep with the same basis and columns. A file of another sweep is put aside.
+std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::path& file, const std::string& basis,
+                                                         const std::string& header, std::size_t axes) {
     std::map<std::vector<std::string>, SweepPoint> rows;
     std::ifstream in(file);
     std::string text;
-    bool same = false;
+    bool of_this = false, same = false;
     for (std::string line; std::getline(in, line);) {
         if (same && !in.eof()) text += line + "\n";
-        same |= line == header;
+        of_this |= line == basis;
+        same |= of_this && line == header;
     }
     read_rows(text, axes, rows);
+    std::error_code none;
+    if (same || !std::filesystem::exists(file, none)) return rows;
+    const std::string aside = file.string() + ".before";
+    std::filesystem::rename(file, aside, none);
+    if (!none)
+        std::fprintf(stderr, "%s: is of another scene, settings, axes or palpate, and is called %s now\n",
+                     file.string().c_str(), aside.c_str());
     return rows;
 }
 
@@ -286,7 +311,9 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     const Processes processes = join_processes();
     SweepArguments a = asked;
     a.quiet = a.quiet || processes.rank != 0;
+    std::optional<EndsAtOnce> loading(std::in_place);
     const Scene scene = load_scene(a.scene, a.overrides);
+    loading.reset();
     const SweepPlan plan = checked_plan(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / (scene.file.stem().string() + "-sweep")
@@ -298,11 +325,12 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     for (const std::string& key : plan.keys) header += key + ",";
     header += columns;
     const auto file = folder / (processes.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(processes.rank) + ".csv");
-    auto done = read_rows(file, header, plan.keys.size());
+    const std::string basis = basis_of(a, scene);
+    auto done = read_rows(file, basis, header, plan.keys.size());
     std::ofstream out(file, done.empty() ? std::ios::trunc : std::ios::app);
     if (!out) throw InputError(file.string() + ": cannot be written");
     const std::string about = std::string("# palpate ") + program_version + " " + program_commit + ", " + processor() +
-                              ", scene " + scene.file.string() + "\n" + header + "\n";
+                              ", scene " + scene.file.string() + "\n" + basis + "\n" + header + "\n";
     if (done.empty()) out << about;
     out.flush();
 

@@ -10,7 +10,7 @@
 #include "meshes/input_error.h"
 #include "scenes/load/scene.h"
 #include "scenes/program/commands.h"
-#include "scenes/program/outputs.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/trackers/hand_doubts.h"
 #include "scenes/trackers/hand_source.h"
 #include "scenes/trackers/pinch_fit.h"

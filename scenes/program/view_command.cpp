@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 #include <thread>
 
@@ -12,8 +13,9 @@
 #include "meshes/mesh_files.h"
 #include "scenes/load/presets.h"
 #include "scenes/program/commands.h"
-#include "scenes/program/outputs.h"
+#include "scenes/program/interruption.h"
 #include "scenes/program/stream_options.h"
+#include "scenes/recording/outputs.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/run/carry_over.h"
 #include "scenes/run/dead_man.h"
@@ -131,6 +133,8 @@ struct LiveRun {
 
     /// Loads the scene, and begins it anew; or, where it can, goes on where the run is.
     void start(bool go_on = false) {
+        std::optional<EndsAtOnce> loading;  // of the first one, before anything is armed or recorded
+        if (!simulation) loading.emplace();
         Scene scene = load_scene(arguments.scene, overrides);
         if (!simulation) {
             print_warnings(scene);
@@ -147,6 +151,7 @@ struct LiveRun {
                             {"scene", read_file(scene.file)},
                             {"settings", settings_of(scene)}};
         auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        loading.reset();
         // A recorded run has one scene file.
         const bool goes_on =
             go_on && simulation && !(record && data["scene"] != text) && carry_over(*simulation, *fresh);
@@ -323,6 +328,7 @@ struct LiveRun {
 
 int view_scene(const ViewArguments& a, const std::atomic<bool>& stop) {
     refuse_to_replace("--record", a.record, Output::recording);
+    refuse_to_hold_unarmed(a.hold, a.arm);
     using Clock = std::chrono::steady_clock;
     if (a.stream.target == "-")
         throw InputError(

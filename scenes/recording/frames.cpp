@@ -1,11 +1,15 @@
 #include "scenes/recording/frames.h"
 
 #include <fcntl.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 
+#include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 
 namespace palpate {
@@ -48,11 +52,31 @@ bool frame_at(std::string_view bytes, std::size_t at, std::size_t& patience, Fra
     return true;
 }
 
+constexpr int patience_ms = 1000;  ///< with who reads a pipe
+
+/// The file, empty, and nobody else's while it is open.
+int open_alone(const std::filesystem::path& path) {
+    // Without O_NONBLOCK a pipe that nobody reads would be waited for, signals or not.
+    const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_NONBLOCK | O_CLOEXEC, 0666);
+    if (file < 0 && errno == ENXIO)
+        throw InputError(path.string() + ": is a pipe that nobody reads; give the name of a file, or read it first");
+    if (file < 0) throw_unwritable(path, errno);
+    struct stat about {};
+    if (::fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) return file;
+    if (::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        ::close(file);
+        throw InputError(path.string() + ": another run is being recorded into it; give another name");
+    }
+    if (::ftruncate(file, 0) == 0) return file;
+    const int error = errno;
+    ::close(file);
+    throw_unwritable(path, error);
+}
+
 }  // namespace
 
 FrameWriter::FrameWriter(std::filesystem::path path, std::string_view magic)
-    : path_(std::move(path)), file_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
-    if (file_ < 0) throw_unwritable(path_, errno);
+    : path_(std::move(path)), file_(open_alone(path_)), process_(::getpid()) {
     if (!write_all(magic.data(), magic.size())) {
         const int error = errno;
         ::close(file_);
@@ -68,6 +92,11 @@ bool FrameWriter::write_all(const void* bytes, std::size_t size) {
     while (size > 0) {
         const ssize_t written = ::write(file_, at, size);
         if (written < 0 && errno == EINTR) continue;
+        if (written < 0 && errno == EAGAIN) {
+            pollfd pipe{file_, POLLOUT, 0};
+            if (::poll(&pipe, 1, patience_ms) != 0) continue;
+            errno = ETIMEDOUT;  // who reads it has stopped, and the run does not
+        }
         if (written <= 0) return false;
         at += written, size -= std::size_t(written);
     }
@@ -76,6 +105,10 @@ bool FrameWriter::write_all(const void* bytes, std::size_t size) {
 
 void FrameWriter::append(std::uint32_t kind, const std::vector<std::uint8_t>& payload) {
     if (!failure_.empty()) return;
+    if (::getpid() != process_) {
+        failure_ = path_.string() + ": is recorded by the process that this one was forked from";
+        return;
+    }
     std::vector<std::uint8_t> bytes;
     bytes.reserve(payload.size() + envelope);
     put(bytes, std::uint32_t(payload.size()));
@@ -86,7 +119,8 @@ void FrameWriter::append(std::uint32_t kind, const std::vector<std::uint8_t>& pa
         whole_ += std::int64_t(bytes.size());
         return;
     }
-    failure_ = path_.string() + ": cannot be written any further: " + std::strerror(errno);
+    failure_ = path_.string() + ": cannot be written any further: " +
+               (errno == ETIMEDOUT ? "nobody reads the pipe any more" : std::strerror(errno));
     if (::ftruncate(file_, whole_) != 0) failure_ += "; it ends within a frame";
 }
 

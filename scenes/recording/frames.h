@@ -19,7 +19,8 @@ namespace palpate {
 /// it.
 class FrameWriter {
   public:
-    /// Makes the file, or empties it. Throws as throw_unwritable (mesh_files.h) where it cannot.
+    /// Makes the file, or empties it, and holds a lock on it, so that no other writer does the same. Throws InputError
+    /// where one does, or for a pipe that nobody reads, and as throw_unwritable (mesh_files.h) for other reasons.
     FrameWriter(std::filesystem::path path, std::string_view magic);
     ~FrameWriter();
     FrameWriter(const FrameWriter&) = delete;
@@ -32,6 +33,7 @@ class FrameWriter {
     bool write_all(const void* bytes, std::size_t size);
     std::filesystem::path path_;
     int file_;
+    int process_;             ///< whose file it is: a forked one would write between this one's frames
     std::int64_t whole_ = 0;  ///< bytes up to the end of the last complete frame
     std::string failure_;
 };

@@ -6,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/web/bounded_json.h"
 
@@ -84,6 +85,8 @@ RecordedRun read_header(const nlohmann::json& j) {
     run.overrides = j.at("overrides").get<Names>(), run.arrays = j.at("arrays").get<Names>();
     run.fingers = j.at("fingers").get<Names>(), run.objects = j.at("objects").get<Names>();
     run.has_file = j.value("has_file", true);
+    for (const auto& f : j.value("files", nlohmann::json::array()))
+        run.files.push_back({f.at("file"), f.at("bytes"), f.at("hash")});
     run.fingers_touch = j.value("fingers_touch", false);
     run.conforming = j.value("conforming", false), run.patches_limited = j.value("patches_limited", false);
     run.keeps_matrices = j.value("keeps_matrices", false);
@@ -160,20 +163,22 @@ std::vector<std::string> losses_of(const Recording& r) {
         const std::string which = r.runs.size() > 1 ? "run " + std::to_string(i + 1) + ": " : "";
         for (const RecordedRun::Gap& gap : run.gaps) {
             const std::int64_t before = gap.step > 0 ? run.steps[gap.step - 1].number : 0;
-            if (gap.step < run.steps.size() && r.version > 1)
-                std::snprintf(text, sizeof text, "%zu bytes are damaged: %lld steps before %.4f s are lost", gap.bytes,
-                              static_cast<long long>(run.steps[gap.step].number - before - 1),
-                              run.steps[gap.step].time);
+            // A file into which frames were copied once more counts backwards: nothing is known of what is missing
+            // then.
+            if (gap.step < run.steps.size() && r.version > 1 && run.steps[gap.step].number > before)
+                plain_snprintf(text, sizeof text, "%zu bytes are damaged: %lld steps before %.4f s are lost", gap.bytes,
+                               static_cast<long long>(run.steps[gap.step].number - before - 1),
+                               run.steps[gap.step].time);
             else
-                std::snprintf(text, sizeof text, "%zu bytes are damaged before step %zu", gap.bytes, gap.step + 1);
+                plain_snprintf(text, sizeof text, "%zu bytes are damaged before step %zu", gap.bytes, gap.step + 1);
             out.push_back(which + text);
         }
         if (run.ended || r.version < 2) continue;
         const double until = run.steps.empty() ? 0 : run.steps.back().time;
-        std::snprintf(text, sizeof text,
-                      "it was not ended: palpate was killed, or the file was cut off; it holds %zu steps, until "
-                      "%.4f s of %.4g s",
-                      run.steps.size(), until, run.duration);
+        plain_snprintf(text, sizeof text,
+                       "it was not ended: palpate was killed, or the file was cut off; it holds %zu steps, until "
+                       "%.4f s of %.4g s",
+                       run.steps.size(), until, run.duration);
         out.push_back(which + text);
     }
     if (r.unread_bytes > 0)

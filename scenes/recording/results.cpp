@@ -6,6 +6,7 @@
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/load/result_files.h"
 #include "scenes/recording/live_tables.h"
 #include "scenes/recording/svg.h"
@@ -102,10 +103,10 @@ void PadSeries::record(const Simulation& s) {
 
 void PadSeries::finish(const Simulation& s) const {
     for (const Skin& skin : s.world.skins) {
-        std::ostringstream out;
+        PlainText out;
         out << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n";
         for (std::size_t k = 0; k < times_.size(); ++k)
-            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << result_file::finger_pad(skin.name, k)
+            out << "<DataSet timestep=\"" << times_[k] << "\" file=\"" << escaped(result_file::finger_pad(skin.name, k))
                 << "\"/>\n";
         out << "</Collection></VTKFile>\n";
         write_file(folder_ / result_file::finger_pads(skin.name), out.str());

@@ -22,13 +22,6 @@ enum FrameKind : std::uint32_t {
     cuts_frame = 7
 };
 
-/// FNV-1a.
-std::uint64_t hash_of(const void* data, std::size_t size, std::uint64_t hash = 1469598103934665603ull) {
-    const auto* bytes = static_cast<const std::uint8_t*>(data);
-    for (std::size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * 1099511628211ull;
-    return hash;
-}
-
 void put_pose(Payload& out, const Pose<double>& p) {
     for (double v : {p.position.x, p.position.y, p.position.z, p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z})
         put(out, v);
@@ -92,11 +85,15 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
     for (const VirtualObject& o : s.world.shapes) objects.push_back(o.name);
     steps_ = 0;
     moving_ = moving_objects(s);
+    nlohmann::json files = nlohmann::json::array();
+    for (const FileStamp& f : stamps_of(s.scene.files))
+        files.push_back({{"file", f.file}, {"bytes", f.bytes}, {"hash", f.hash}});
     file_.append(run_frame,
                  json_payload({{"version", 2},
                                {"scene", std::filesystem::absolute(s.scene.file).lexically_normal().string()},
                                {"text", s.scene.text ? *s.scene.text : read_file(s.scene.file)},
                                {"has_file", !s.scene.text},
+                               {"files", files},
                                {"overrides", overrides},
                                {"fingers", fingers},
                                {"objects", objects},
@@ -161,6 +158,8 @@ Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
     // their limits those of patches, and every matrix was a new one.
     auto as_then = [&](Scene scene) {
         scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
+        for (const std::string& change : changes_of(run.files, "the run was recorded"))
+            scene.warnings.push_back(change);
         return scene;
     };
     std::vector<std::string> settings = overrides;

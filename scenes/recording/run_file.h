@@ -2,9 +2,10 @@
 // Recorded runs: what went in, and what came out of every step, in a file of frames (frames.h) that is named "palpate2"
 // by its first 8 bytes. What each kind of frame holds, all numbers little-endian:
 //
-//   1 run: a run begins. JSON: version, scene (path), text (of the scene file), overrides, fingers, objects (names, in
-//     order), arrays (names of what is hashed), governed, fingers_touch (each other), conforming, patches_limited,
-//     dt_s, duration_s; has_file (false: the scene was given as text).
+//   1 run: a run begins. JSON: version, scene (path), text (of the scene file), files (that it names: file, bytes, hash
+//     of them, FNV-1a), overrides, fingers, objects (names, in order), arrays (names of what is hashed), governed,
+//     fingers_touch (each other), conforming, patches_limited, dt_s, duration_s; has_file (false: the scene was given
+//     as text).
 //   3 step: u64 number of the step; f64 time; i8 preset of the governor (-1: none); u32 fingers, objects, arrays,
 //   moved;
 //     per finger u8 valid, f64 sample time, tracked pose, 3 f64 contact force after the step [N]; per object its pose
@@ -23,6 +24,7 @@
 
 #include <memory>
 
+#include "scenes/recording/file_stamp.h"
 #include "scenes/recording/frames.h"
 #include "scenes/run/simulation.h"
 
@@ -86,6 +88,7 @@ struct RecordedRun {
     };
     std::string scene, text;
     std::vector<std::string> overrides, fingers, objects, arrays;
+    std::vector<FileStamp> files;  ///< that the scene names; files from before they were kept say none
     bool has_file = true;          ///< false: the scene was given as text, `scene` says which folder its files are in
     bool governed = false;         ///< a governor chose each step's preset
     bool fingers_touch = false;    ///< each other; files from before they could do not say
@@ -111,7 +114,7 @@ struct Recording {
 Recording read_recording(const std::filesystem::path& path);
 
 /// The recorded scene with these overrides, if its file still says what it said then. Throws InputError with the remedy
-/// if not.
+/// if not. That a file which it names has changed is one of its warnings.
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides);
 

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -24,15 +25,9 @@ double tick_step(double range, int n) {
 
 std::string tick_text(double value, double step) {
     char text[32];
-    std::snprintf(text, sizeof text, "%.*f", std::max(0, int(std::ceil(-std::log10(step) - 1e-9))),
-                  std::abs(value) < step * 1e-6 ? 0.0 : value);
+    plain_snprintf(text, sizeof text, "%.*f", std::max(0, int(std::ceil(-std::log10(step) - 1e-9))),
+                   std::abs(value) < step * 1e-6 ? 0.0 : value);
     return text;
-}
-
-std::string escaped(const std::string& s) {
-    std::string out;
-    for (char c : s) out += c == '<' ? "&lt;" : c == '&' ? "&amp;" : c == '>' ? "&gt;" : std::string(1, c);
-    return out;
 }
 
 struct AxisRange {
@@ -78,7 +73,7 @@ Curve thinned(const Curve& c, std::size_t parts) {
     return out;
 }
 
-void draw(std::ostringstream& out, const Plot& plot, double y0) {
+void draw(PlainText& out, const Plot& plot, double y0) {
     const AxisRange rx = range_of(plot, true), ry = range_of(plot, false);
     auto px = [&](double x) { return left + (x - rx.low) / (rx.high - rx.low) * (width - left - right); };
     auto py = [&](double y) {
@@ -130,8 +125,15 @@ void draw(std::ostringstream& out, const Plot& plot, double y0) {
 
 }  // namespace
 
+std::string escaped(const std::string& text) {
+    std::string out;
+    for (char c : text)
+        out += c == '<' ? "&lt;" : c == '&' ? "&amp;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
+    return out;
+}
+
 void write_svg(const std::filesystem::path& path, const std::vector<Plot>& plots) {
-    std::ostringstream out;
+    PlainText out;
     out.precision(6);
     const double total = height * double(plots.size());
     out << "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " << width << " " << total << "\" width=\"" << width

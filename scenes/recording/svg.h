@@ -25,6 +25,9 @@ struct Plot {
     bool log_x = false;
 };
 
+/// Text for XML, also between double quotes.
+std::string escaped(const std::string& text);
+
 /// Throws InputError where the file cannot be written.
 void write_svg(const std::filesystem::path& path, const std::vector<Plot>& plots);
 

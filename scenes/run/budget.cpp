@@ -10,6 +10,7 @@
 
 #include "meshes/mesh_cache.h"
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/load/presets.h"
 #include "scenes/run/series.h"
 #include "scenes/run/simulation.h"
@@ -21,7 +22,7 @@ namespace {
 /// Everything that a step's time depends on, as one number; the program itself by size and time of its file.
 std::string key_of(const std::filesystem::path& scene, const std::vector<std::string>& overrides,
                    const std::string& preset, int threads) {
-    std::ostringstream text;
+    PlainText text;
     text << std::filesystem::absolute(scene).string() << "\n" << read_file(scene) << "\n";
     for (const std::string& o : overrides) text << o << "\n";
     text << preset << "\n" << threads << "\n" << processor() << "\n";
@@ -29,7 +30,7 @@ std::string key_of(const std::filesystem::path& scene, const std::vector<std::st
     const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
     text << std::filesystem::file_size(program, error) << "\n"
          << std::filesystem::last_write_time(program, error).time_since_epoch().count();
-    std::ostringstream key;
+    PlainText key;
     key << std::hex << std::hash<std::string>{}(text.str());
     return key.str();
 }
@@ -64,6 +65,7 @@ void measure(BudgetPoint& point, double budget_ms, const std::filesystem::path& 
 /// What is kept of an earlier calibration: p99, or a time that it exceeds.
 bool read_kept(const std::filesystem::path& file, double budget_ms, BudgetPoint& point) {
     std::ifstream in(file);
+    in.imbue(std::locale::classic());
     double p99 = 0;
     std::string sign;
     if (file.empty() || !(in >> p99) || !(p99 > 0)) return false;
@@ -149,8 +151,11 @@ BudgetChoice choice_within(double budget_ms, const std::filesystem::path& scene,
             // A calibration that cannot be kept is made again next time.
             std::error_code error;
             std::filesystem::create_directories(folder, error);
-            if (!error && !file.empty() && !stop)
-                std::ofstream(file) << point.p99_ms << (point.exceeded ? " exceeded" : "") << "\n";
+            if (!error && !file.empty() && !stop) {
+                PlainText kept;
+                kept << point.p99_ms << (point.exceeded ? " exceeded" : "") << "\n";
+                std::ofstream(file) << kept.str();
+            }
         }
         choice.tried.push_back(point);
         return point;

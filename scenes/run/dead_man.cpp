@@ -15,6 +15,7 @@
 
 #include "devices/loop/clock.h"
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -166,6 +167,11 @@ std::unique_ptr<DeadMan> make_dead_man(const std::string& source) {
     return dead_man;
 }
 
+void refuse_to_hold_unarmed(const std::string& source, bool armed) {
+    if (source.empty() || armed) return;
+    throw InputError("--hold " + source + ": without --arm no thimble moves; give --arm, too, or leave --hold out");
+}
+
 void obey_dead_man(DeadMan& dead_man, Simulation& s) {
     const bool held = dead_man.held(), enter = dead_man.take_enter();
     HoldCounts& c = dead_man.counts;
@@ -189,9 +195,9 @@ std::string hold_report(const DeadMan& dead_man) {
     const HoldCounts& c = dead_man.counts;
     char times[80];
     if (c.held > 0)
-        std::snprintf(times, sizeof times, "held for %.2f s of %.2f s", c.held, c.watched);
+        plain_snprintf(times, sizeof times, "held for %.2f s of %.2f s", c.held, c.watched);
     else
-        std::snprintf(times, sizeof times, "never held in %.2f s: thimbles did not follow", c.watched);
+        plain_snprintf(times, sizeof times, "never held in %.2f s: thimbles did not follow", c.watched);
     return "--hold " + dead_man.source + ": " + times +
            (c.foreign == 0 ? ""
                            : "; " + std::to_string(c.foreign) + " datagrams said neither 1 (held) nor 0 (let go)") +

@@ -37,6 +37,9 @@ class DeadMan {
 /// lets go, and so does any other, which is counted). Throws InputError where it is none of these, or cannot be opened.
 std::unique_ptr<DeadMan> make_dead_man(const std::string& source);
 
+/// Throws InputError where somebody would hold a switch for thimbles that do not move anyway.
+void refuse_to_hold_unarmed(const std::string& source, bool armed);
+
 /// Lets thimbles follow while the switch is held; else they hold, and then go to their rest pose.
 void obey_dead_man(DeadMan& dead_man, Simulation& simulation);
 

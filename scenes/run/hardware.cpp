@@ -8,6 +8,7 @@
 #include "devices/drivers/serial_bus.h"
 #include "devices/drivers/text_link.h"
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -240,10 +241,10 @@ std::string age_report(const Simulation& s) {
     for (std::size_t t = 0; t < s.loops.size(); ++t) {
         const CommandAge a = command_age(s, t);
         if (a.count == 0) continue;
-        std::snprintf(line, sizeof line,
-                      "  %s: age of %lld commands at the wire: %.2f ms median, %.2f ms p99, %.2f ms at most%s\n",
-                      finger_of(s.scene, t).c_str(), (long long)a.count, a.median_ms, a.p99_ms, a.worst_ms,
-                      1e-3 * a.p99_ms > longest_command_age ? "; warning: it will be felt as lag" : "");
+        plain_snprintf(line, sizeof line,
+                       "  %s: age of %lld commands at the wire: %.2f ms median, %.2f ms p99, %.2f ms at most%s\n",
+                       finger_of(s.scene, t).c_str(), (long long)a.count, a.median_ms, a.p99_ms, a.worst_ms,
+                       1e-3 * a.p99_ms > longest_command_age ? "; warning: it will be felt as lag" : "");
         text += line;
     }
     return text;
@@ -271,7 +272,7 @@ std::string hardware_report(const Simulation& s) {
     char line[256];
     for (const auto& [name, board] : s.hardware->boards) {
         const BoardStatus b = board->status();
-        std::snprintf(
+        plain_snprintf(
             line, sizeof line,
             "%s: %lld targets in %lld writes, p99 %.2f ms, longest %.2f ms; %lld failures, opened %lld times\n",
             name.c_str(), (long long)b.values, (long long)b.writes, b.write_p99_ms, b.write_worst_ms,
@@ -282,8 +283,8 @@ std::string hardware_report(const Simulation& s) {
         text += servo_failures(b);
         for (const BoardTransition& t : b.transitions)
             if (b.faults > 0) {
-                std::snprintf(line, sizeof line, "  %.3f s: %s to %s: ", t.at - b.transitions.front().at,
-                              palpate::name(t.from), palpate::name(t.to));
+                plain_snprintf(line, sizeof line, "  %.3f s: %s to %s: ", t.at - b.transitions.front().at,
+                               palpate::name(t.from), palpate::name(t.to));
                 text += line + t.reason + "\n";
             }
     }
@@ -296,15 +297,15 @@ std::string hardware_report(const Simulation& s) {
         median = std::max(median, loop->latency.quantile(0.5));
         p99 = std::max(p99, loop->latency.quantile(0.99));
     }
-    std::snprintf(
+    plain_snprintf(
         line, sizeof line,
         "thimbles: %lld updates, %lld missed, %lld faults; tracked pose to driver %.2f ms median, %.2f ms p99\n",
         (long long)ticks, (long long)misses, (long long)faults, 1e3 * median, 1e3 * p99);
     text += line + age_report(s);
     {
         const LatencyHistogram& late = s.hardware->thread->lateness();
-        std::snprintf(line, sizeof line, "schedule: %.3f %% within 2 ms, p99 %.2f ms, worst %.2f ms late\n",
-                      100 * late.share_within(0.002), 1e3 * late.quantile(0.99), 1e3 * late.worst());
+        plain_snprintf(line, sizeof line, "schedule: %.3f %% within 2 ms, p99 %.2f ms, worst %.2f ms late\n",
+                       100 * late.share_within(0.002), 1e3 * late.quantile(0.99), 1e3 * late.worst());
         text += line;
     }
     if (s.pace->late_steps)

@@ -302,6 +302,12 @@ std::uint64_t fingerprint(const Simulation& s) {
           w.force_matchers.size(), sizeof(RigidBody), sizeof(LaneContact), sizeof(Coupling), sizeof(SolverSettings),
           sizeof(FeatureContact), sizeof(FingerPair), w.soft.all.size(), w.soft.pairs.size(), sizeof(SoftSample)})
         number(double(n));
+    // Steps and solve as the scene says: those of the moment are part of the state, where a governor changes presets.
+    const SolverSettings& solve = s.scene.spec.solver;
+    for (double v : {solve.dt, double(solve.newton_iterations), solve.tolerance, solve.multiplier_tolerance,
+                     double(solve.contact_iterations), double(solve.stiffness_steps), double(solve.sample_refinement),
+                     double(solve.inertia), double(s.governor.has_value())})
+        number(v);
     number(w.finger_pairs.on);
     number(w.finger_pairs.friction);
     const auto tissue = [&](const FingerSpec& f) {
@@ -326,6 +332,10 @@ std::uint64_t fingerprint(const Simulation& s) {
         for (double v : {o.shape.size.x, o.shape.size.y, o.shape.size.z, o.friction, o.stiffness,
                          o.body ? o.body->mass : 0, double(o.shape.kind)})
             number(v);
+        if (!o.mesh) continue;
+        const Surface& surface = o.mesh->surface;
+        a.bytes(surface.vertices.data(), surface.vertices.size() * sizeof surface.vertices[0]);
+        a.bytes(surface.triangles.data(), surface.triangles.size() * sizeof surface.triangles[0]);
     }
     for (const Matching& m : w.matchings) {
         a.bytes(m.model.kind->name.data(), m.model.kind->name.size());

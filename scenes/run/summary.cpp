@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "meshes/plain_numbers.h"
 #include "scenes/run/hardware.h"
 #include "scenes/run/soft_series.h"
 #include "scenes/trackers/hand_doubts.h"
@@ -127,7 +128,7 @@ Summary summarise(const Simulation& s) {
     out.skin_memory_MB = double(skin_memory_bytes(s.world)) / 1e6;
     out.contact_growths = s.world.contact_growths;
     if (const ObjectOverlap& o = s.world.body_solve.deepest; o.depth > 0) {
-        std::ostringstream text;
+        PlainText text;
         text << "\"" << s.world.shapes[o.a].name << "\" was up to " << 1e3 * o.depth << " mm inside \""
              << s.world.shapes[o.b].name << "\" (at " << o.time << " s): such overlaps are undone at "
              << 1e3 * s.world.solver.recovery_speed << " mm/s";

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <sstream>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 std::string wrapped(const std::string& sentence, const std::string& indent) {
@@ -24,8 +26,8 @@ std::string written(const char* format, ...) {
     std::va_list values, again;
     va_start(values, format);
     va_copy(again, values);
-    std::string out(std::size_t(std::vsnprintf(nullptr, 0, format, values)), '\0');
-    std::vsnprintf(out.data(), out.size() + 1, format, again);
+    std::string out(std::size_t(plain_vsnprintf(nullptr, 0, format, values)), '\0');
+    plain_vsnprintf(out.data(), out.size() + 1, format, again);
     va_end(again);
     va_end(values);
     return out;

@@ -40,6 +40,7 @@ int connected_socket(const std::string& target) {
     const std::size_t colon = target.rfind(':');
     if (!target.starts_with("udp:") || colon <= 4 || colon + 1 >= target.size()) throw InputError(where);
     const std::string host = target.substr(4, colon - 4), port = target.substr(colon + 1);
+    if (port.find_first_not_of('0') == std::string::npos) throw InputError(where + " with a port of 1 to 65535");
     addrinfo hints{};
     hints.ai_socktype = SOCK_DGRAM;
     hints.ai_flags = AI_NUMERICSERV;

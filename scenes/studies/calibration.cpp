@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -377,8 +378,8 @@ Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>
     for (int s = 0; s < settings.starts && !stop; ++s) {
         const Local local = fit_from(fit, points[order[std::size_t(s)]], stop, [&](int k, double cost) {
             char text[120];
-            std::snprintf(text, sizeof text, "start %d of %d, iteration %d: mean squared residual %.3f", s + 1,
-                          settings.starts, k + 1, cost);
+            plain_snprintf(text, sizeof text, "start %d of %d, iteration %d: mean squared residual %.3f", s + 1,
+                           settings.starts, k + 1, cost);
             if (progress) progress(text);
         });
         if (best.r.size() == 0 || local.r.squaredNorm() < best.r.squaredNorm()) best = local;

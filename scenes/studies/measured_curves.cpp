@@ -7,7 +7,9 @@
 #include <sstream>
 
 #include "devices/device.h"
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -82,7 +84,7 @@ struct Reader {
         const Column& column = known_columns[quantity_of[std::size_t(c)]];
         const std::string& cell = cells[std::size_t(c)];
         char* end = nullptr;
-        const double v = std::strtod(cell.c_str(), &end);
+        const double v = plain_strtod(cell.c_str(), &end);
         if (cell.empty() || *end || !std::isfinite(v)) {
             complain(line, std::string(column.name) + ": expected a number, found '" + cell + "'");
             return nothing;
@@ -100,7 +102,7 @@ void check_plausible(Reader& r, int line, double force, double displacement, dou
         if (v > most) {
             const Column& c = known_columns[r.quantity_of[std::size_t(r.column_of[int(q)])]];
             char text[160];
-            std::snprintf(text, sizeof text, "%s: %g is more than any fingertip: %s?", c.name, v / c.factor, says);
+            plain_snprintf(text, sizeof text, "%s: %g is more than any fingertip: %s?", c.name, v / c.factor, says);
             r.complain(line, text);
         }
     };
@@ -133,6 +135,7 @@ void check_largest(Reader& r, const std::vector<MeasuredCurve>& curves, int line
 std::vector<MeasuredCurve> read_measured_curves(const std::filesystem::path& path) {
     std::ifstream in(path);
     if (!in || !std::filesystem::is_regular_file(path)) throw InputError(path.string() + ": no such file");
+    skip_byte_order_mark(in);
     Reader r{path.string(), {}, {}};
     std::vector<MeasuredCurve> curves;
     std::vector<std::vector<int>> lines;
@@ -185,8 +188,8 @@ std::vector<MeasuredCurve> read_measured_curves(const std::filesystem::path& pat
     for (std::size_t c = 0; c < curves.size(); ++c)
         if (curves[c].points.size() < 5) {
             char what[120];
-            std::snprintf(what, sizeof what, "the press at %g degrees has %zu rows; at least 5 are needed",
-                          curves[c].angle / degree, curves[c].points.size());
+            plain_snprintf(what, sizeof what, "the press at %g degrees has %zu rows; at least 5 are needed",
+                           curves[c].angle / degree, curves[c].points.size());
             r.complain(lines[c].front(), what);
         }
     if (curves.empty()) r.complain(header, "no row follows the header");

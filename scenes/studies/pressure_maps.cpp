@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
 #include "scenes/run/pressure_points.h"
 
@@ -63,6 +64,7 @@ void shares(const PressedMaps& p, double force, const MapPose& pose, const Senso
 PressureMap read_pressure_map(const std::filesystem::path& file, const SensorMat& mat) {
     std::ifstream in(file);
     if (!in) throw InputError(file.string() + ": cannot be read");
+    skip_byte_order_mark(in);
     PressureMap out{file.stem().string(), {}, 0, false};
     std::string line;
     for (int row = 0; std::getline(in, line); ++row) {

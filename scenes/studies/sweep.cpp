@@ -6,6 +6,8 @@
 #include <map>
 #include <sstream>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 namespace {
@@ -147,7 +149,7 @@ SweepErrors left_after(const SweepErrors& before, const SweepErrors& last) {
 ReferenceRun solve_reference(const ReferenceRequest& request, const SweepPlan& plan, SweepReference kind,
                              const std::atomic<bool>& stop) {
     auto solve = [&](double dt_ms, int elements) {
-        std::ostringstream step;
+        PlainText step;
         step << "dt_ms=" << dt_ms;
         std::vector<std::string> overrides = request.overrides;
         overrides.insert(overrides.end(), {"solver.preset=reference", step.str()});
@@ -190,10 +192,10 @@ std::string doubt(const ReferenceRun& reference) {
     const bool sure = u.net <= 0.02 && u.field <= 0.05;  // false for a scene without forces, too
     if (sure) return {};
     char text[200];
-    std::snprintf(text, sizeof text,
-                  "NOT SURE to 2 %% of the net force and 5 %% of the field: errors below %.3g %% (field) and %.3g %% "
-                  "(net) say little",
-                  300 * u.field, 300 * u.net);
+    plain_snprintf(text, sizeof text,
+                   "NOT SURE to 2 %% of the net force and 5 %% of the field: errors below %.3g %% (field) and %.3g %% "
+                   "(net) say little",
+                   300 * u.field, 300 * u.net);
     return text;
 }
 

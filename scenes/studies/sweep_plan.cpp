@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -57,7 +58,7 @@ double finest_dt_ms(const SweepBlock& block, const Scene& scene) {
     for (const SweepAxis& axis : block)
         if (axis.key == "dt_ms") {
             double finest = HUGE_VAL;
-            for (const std::string& v : axis.values) finest = std::min(finest, std::strtod(v.c_str(), nullptr));
+            for (const std::string& v : axis.values) finest = std::min(finest, plain_strtod(v.c_str(), nullptr));
             return finest;
         }
     return 1e3 * scene.spec.solver.dt;

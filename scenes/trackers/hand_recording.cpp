@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
 #include "scenes/trackers/leap_csv.h"
 #include "scenes/trackers/trajectory.h"
@@ -72,6 +73,7 @@ bool next_line(std::istream& in, std::string& line) {
 
 HandRecording read_json_lines(const std::filesystem::path& path, const std::string& hand) {
     std::ifstream in(path);
+    skip_byte_order_mark(in);
     std::string line;
     HandRecording recording;
     double first_time = 0;

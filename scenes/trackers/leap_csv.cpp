@@ -7,7 +7,9 @@
 #include <map>
 #include <optional>
 
+#include "meshes/byte_order_mark.h"
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 
 namespace palpate {
 
@@ -114,7 +116,7 @@ struct LeapRow {
     double value(int c) const {
         const std::string& cell = cells[std::size_t(c)];
         char* end = nullptr;
-        const double x = std::strtod(cell.c_str(), &end);
+        const double x = plain_strtod(cell.c_str(), &end);
         if (cell.empty() || *end || !std::isfinite(x))
             refuse_line(path, number, "expected a number in cell " + std::to_string(c + 1) + ", found '" + cell + "'");
         return x;
@@ -158,6 +160,7 @@ Matrix3d basis_from_joints(const std::array<Vector3d, 4>& joints, const Palm& pa
 
 HandRecording read_leap_csv(const std::filesystem::path& path, const std::string& hand) {
     std::ifstream in(path);
+    skip_byte_order_mark(in);
     std::string line;
     if (!std::getline(in, line)) refuse_line(path, 1, "the file is empty");
     LeapHeader head{path, {}};

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "meshes/mesh_files.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/viewer/assets.h"
 
 namespace palpate {
@@ -75,9 +76,9 @@ std::string ReportRecorder::page(const Simulation& s, const Summary& summary, co
     double converged = 0;
     for (const FingerSummary& f : summary.fingers) converged += f.converged_share / double(summary.fingers.size());
     char about[240];
-    std::snprintf(about, sizeof about,
-                  "%.3g s in steps of %.3g ms, %.1f %% of them converged; %d frames shown (at most %.0f per second)",
-                  s.world.time, 1e3 * s.world.solver.dt, 100 * converged, count_, rate_);
+    plain_snprintf(about, sizeof about,
+                   "%.3g s in steps of %.3g ms, %.1f %% of them converged; %d frames shown (at most %.0f per second)",
+                   s.world.time, 1e3 * s.world.solver.dt, 100 * converged, count_, rate_);
     nlohmann::json stage = stage_of(s);
     if (scales.most > 0) set_scales(stage, scales);
     return page_with({{"stage", stage},

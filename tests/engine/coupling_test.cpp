@@ -83,5 +83,20 @@ TEST(Coupling, AStiffOnePressesAsDeepAsItIsTold) {
         }
 }
 
+/// A hand that was 20 mm deep in a table, and comes back, has its bone with it at once, however stiff and weak the
+/// coupling is that left the bone behind.
+TEST(Coupling, ABoneThatWasHeldBackArrivesOnceNothingHoldsIt) {
+    for (double stiffness : {2e3, 1e5, 1e6, 1e7})
+        for (double dt : {1e-3, 5e-3, 20e-3}) {
+            Lab lab(finger_above_table(stiffness, 0.7, dt, true));
+            lab.run(0.7, [&](double t, World&) {
+                lab.target(0).position.z = 0.02 - (t < 0.2 ? std::min(0.04, 0.4 * t) : std::max(0.0, 0.12 - 0.4 * t));
+            });
+            const Pose<double> bone = bone_pose(lab.world, lab.world.skins.owner(0));
+            EXPECT_LT(norm(bone.position - lab.world.couplings[0].target.position), 1e-5)
+                << stiffness << " N/m, " << 1e3 * dt << " ms";
+        }
+}
+
 }  // namespace
 }  // namespace palpate

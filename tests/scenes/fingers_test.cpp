@@ -13,6 +13,7 @@
 #include "scenes/load/scene.h"
 #include "scenes/load/section.h"
 #include "scenes/studies/calibration.h"
+#include "tests/comma_locale.h"
 #include "tests/scenes/named_finger.h"
 #include "tests/support.h"
 
@@ -177,6 +178,26 @@ TEST(MeasuredCurves, UnitsAreThoseOfTheHeader) {
     EXPECT_NEAR(curves[0].points[1].force, 0.1, 1e-12);
     EXPECT_NEAR(curves[0].points[1].area, 3e-5, 1e-12);
     EXPECT_TRUE(std::isnan(curves[0].points[3].area));
+}
+
+/// Spreadsheets mark "CSV UTF-8" so, and programs that read it may run where numbers have a comma.
+TEST(MeasuredCurves, AreReadBehindAMarkAndWhereTheDecimalPointIsAComma) {
+    testing::ScratchFolder scratch;
+    const std::string table =
+        "angle_deg,displacement_mm,force_N\n30,0.25,0.05\n30,0.5,0.125\n30,0.75,0.25\n30,1.0,0.5\n30,1.25,0.875\n";
+    std::ofstream(scratch.path / "d.csv") << table;
+    std::ofstream(scratch.path / "marked.csv") << "\xef\xbb\xbf" << table;
+    const auto plain = read_measured_curves(scratch.path / "d.csv");
+    const testing::CommaLocale comma;
+    const auto marked = read_measured_curves(scratch.path / "marked.csv");
+    ASSERT_EQ(plain[0].points.size(), marked[0].points.size());
+    EXPECT_EQ(plain[0].points[2].displacement, 0.75e-3);
+    for (std::size_t k = 0; k < plain[0].points.size(); ++k) {
+        EXPECT_EQ(plain[0].points[k].displacement, marked[0].points[k].displacement);
+        EXPECT_EQ(plain[0].points[k].force, marked[0].points[k].force);
+    }
+    EXPECT_EQ("0.5", number_text(0.5));
+    EXPECT_EQ("12345", number_text(12345));
 }
 
 TEST(MeasuredCurves, SayWhatIsWrongAndWhere) {

@@ -6,6 +6,7 @@
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
 #include "scenes/trackers/hand_recording.h"
+#include "tests/comma_locale.h"
 #include "tests/support.h"
 
 namespace palpate {
@@ -68,6 +69,13 @@ TEST(LeapCsv, WithoutBasesNailsFaceAwayFromThePalmAsFingersBend) {
         }
     const HandRecording straight = read(text_of(bent_hand("right", 0)), "right");
     EXPECT_GT(rotation_matrix(straight.frames[0].finger[1].rotation).column(2).z, 0.99);
+}
+
+TEST(LeapCsv, MayBeginWithAByteOrderMark) {
+    const std::string text = text_of(bent_hand("right", 0.3));
+    const testing::CommaLocale comma;
+    EXPECT_EQ(read("\xef\xbb\xbf" + text, "right").frames[1].finger[1].position.x,
+              read(text, "right").frames[1].finger[1].position.x);
 }
 
 TEST(LeapCsv, AnEmptyLastCellIsACell) {

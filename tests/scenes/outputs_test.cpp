@@ -52,6 +52,70 @@ TEST(Outputs, NothingOfAnotherKindIsReplaced) {
     EXPECT_EQ(text_of(here + "hand.jsonl"), "{\"t\": 0}\n");
 }
 
+TEST(Outputs, NamesAreTextForXml) {
+    const ScratchFolder scratch;
+    const std::string here = scratch.path.string() + "/";
+    std::ofstream(here + "mine.toml") << "duration_s = 0.05\n[[finger]]\nname = \"a<b & c\"\nelements = 100\n";
+    const Outcome o =
+        palpate_program("run " + here + "mine.toml --no-picture --pads-per-second 50 --out " + here + "out");
+    ASSERT_EQ(o.code, 0) << o.out;
+    const std::string pvd = text_of(here + "out/a<b & c.pvd");
+    EXPECT_NE(pvd.find("file=\"a&lt;b &amp; c_0000.vtu\""), std::string::npos) << pvd;
+}
+
+TEST(Outputs, OptionsThatMeanNothingAreRefused) {
+    const ScratchFolder scratch;
+    const std::string out = " --out " + scratch.path.string() + "/out ";
+    for (const auto& [arguments, said] :
+         std::vector<std::pair<std::string, std::string>>{{"run press --hold key", "without --arm"},
+                                                          {"view press --port 0 --hold key", "without --arm"},
+                                                          {"run press --stream udp:127.0.0.1:0", "port of 1 to 65535"},
+                                                          {"run press --duration nan", "finite"},
+                                                          {"run press --pads-per-second nan", "finite"},
+                                                          {"indent index --depth-mm nan", "finite"},
+                                                          {"indent index --angle 0,nan", "finite"},
+                                                          {"tracker udp:0 --seconds nan", "finite"},
+                                                          {"tracker udp:0 --seconds inf", "finite"},
+                                                          {"tracker udp:0 --seconds -nan", "finite"}}) {
+        const bool has_out = arguments.starts_with("run") || arguments.starts_with("indent");
+        const Outcome o = palpate_program(arguments + (has_out ? out : ""));
+        EXPECT_EQ(o.code, 2) << arguments << "\n" << o.out;
+        EXPECT_NE(o.out.find(said), std::string::npos) << arguments << "\n" << o.out;
+    }
+    EXPECT_FALSE(std::filesystem::exists(scratch.path / "out"));
+}
+
+TEST(Outputs, ReplaysNameFilesThatHaveChanged) {
+    const ScratchFolder scratch;
+    const std::string here = scratch.path.string() + "/";
+    std::filesystem::copy_file(scenes + "mug.obj", here + "mug.obj");
+    std::ofstream(here + "mine.toml") << "duration_s = 0.05\n[[object]]\nname = \"mug\"\nkind = \"mesh\"\nfile = "
+                                         "\"mug.obj\"\nposition_mm = [100, 0, 0]\n[[finger]]\nname = \"f\"\nelements = "
+                                         "100\n";
+    const std::string file = here + "r.palpate";
+    ASSERT_EQ(palpate_program("run " + here + "mine.toml --no-picture --out " + here + "out --record " + file).code, 0);
+    Outcome o = palpate_program("replay " + file);
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_EQ(o.out.find("changed"), std::string::npos) << o.out;
+    std::ofstream(here + "mug.obj", std::ios::app) << "# changed\n";
+    o = palpate_program("replay " + file);
+    EXPECT_NE(o.out.find(here + "mug.obj: has changed since the run was recorded"), std::string::npos) << o.out;
+}
+
+/// Frames of a recording stand in it once more, behind its end.
+TEST(Outputs, NoLessThanNoStepsAreLost) {
+    const ScratchFolder scratch;
+    const std::string here = scratch.path.string() + "/", file = here + "r.palpate";
+    std::ofstream(here + "mine.toml") << "duration_s = 0.3\ndt_ms = 5\n[[finger]]\nname = \"f\"\nelements = 100\n";
+    ASSERT_EQ(palpate_program("run " + here + "mine.toml --no-picture --out " + here + "out --record " + file).code, 0);
+    const std::string text = text_of(file);
+    std::ofstream(file, std::ios::app | std::ios::binary) << text.substr(text.size() / 2, text.size() / 4);
+    const Outcome o = palpate_program("replay " + file);
+    EXPECT_EQ(o.code, 1) << o.out;
+    EXPECT_NE(o.out.find("bytes are damaged before step"), std::string::npos) << o.out;
+    EXPECT_EQ(o.out.find(": -"), std::string::npos) << o.out;
+}
+
 /// Angle of a track's turn about z, followed through it in small steps [degrees].
 double turned_about_z(const std::vector<Keyframe>& track) {
     double sum = 0;

@@ -220,6 +220,35 @@ TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     EXPECT_EQ(palpate_program("sweep " + scenes + "hand.toml --axes dt_ms=-1").code, 2);
 }
 
+TEST(Sweep, RowsOfAnotherSceneAreNotItsOwn) {
+    const ScratchFolder scratch;
+    const std::string here = scratch.path.string() + "/";
+    const auto scene = [&](const char* depth) {
+        std::ofstream(here + "mine.toml")
+            << "duration_s = 0.1\n[[object]]\nkind = \"plane\"\n[[finger]]\nname = \"f\"\n"
+               "elements = 100\ntrack = [ { t_s = 0, position_mm = [0, 0, 9] }, { t_s = 0.1, "
+               "position_mm = [0, 0, "
+            << depth << "] } ]\n";
+    };
+    const auto swept = [&](const std::string& more) {
+        return palpate_program("sweep " + here + "mine.toml --axes dt_ms=5,10 --reference-dt-ms 2.5 --out " + here +
+                               "out" + more);
+    };
+    scene("6");
+    ASSERT_EQ(swept("").code, 0);
+    const std::string first = text_of(here + "out/sweep.csv");
+    const Outcome again = swept("");
+    EXPECT_EQ(again.code, 0) << again.out;
+    EXPECT_EQ(again.out.find("is of another"), std::string::npos) << again.out;
+    EXPECT_EQ(text_of(here + "out/sweep.csv"), first);
+    scene("5");
+    const Outcome other = swept("");
+    EXPECT_NE(other.out.find("is of another scene"), std::string::npos) << other.out;
+    EXPECT_NE(text_of(here + "out/sweep.csv"), first);
+    EXPECT_EQ(text_of(here + "out/sweep.csv.before"), first);
+    EXPECT_NE(swept(" --set finger.f.material.young_kPa=60").out.find("is of another"), std::string::npos);
+}
+
 TEST(Sweep, TwoProcessesFindWhatOneFinds) {
     if (std::system("command -v mpirun > /dev/null") != 0) GTEST_SKIP() << "mpirun is not installed (openmpi-bin)";
     ScratchFolder scratch;

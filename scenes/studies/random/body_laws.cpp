@@ -70,9 +70,9 @@ bool sticks_to_fingers(const Watched& v, int object) {
 /// Less is left by solves that end early, and is no overlap that is undone [m].
 double overlap_allowed(const World& w) { return fitted::overlap_begins + 3 * w.solver.contact_tolerance; }
 
-/// How deep features of one object lie in another, as their contact is decided.
+/// How deep features of one object lie in another, as their contact is decided; below zero: how far from it [m].
 double feature_depth(const VirtualObject& a, const VirtualObject& b) {
-    double depth = 0;
+    double depth = -1;
     for (const Feature& f : features_of(a.shape, b.shape.kind == ShapeKind::plane)) {
         depth = std::max(depth, -touch_of(f, a.pose, {}, b.shape, b.pose, 0).surface.distance);
     }
@@ -207,11 +207,13 @@ void see_overlaps(Watched& v) {
 }
 
 /// Whether a body touches anything but one object.
+constexpr double touching = 1e-5;  // [m]
 bool touches_more(const Watched& v, std::size_t object, std::size_t but) {
     const std::size_t n = v.s.world.shapes.size();
     if (v.s.world.shapes[object].body < 0) return false;
     for (std::size_t i = 0; i < n; ++i)
-        if (i != but && i != object && v.overlaps[std::min(i, object) * n + std::max(i, object)].depth > 0) return true;
+        if (i != but && i != object && v.overlaps[std::min(i, object) * n + std::max(i, object)].depth > -touching)
+            return true;
     return false;
 }
 

@@ -142,7 +142,7 @@ bool stuck_before(const FingerState& before, const ObjectContact& now) {
 void check_grips(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     // Beside where all sticks some skin slides: what presses little. Its way counts by what it presses with.
-    constexpr double share = 0.2, slid = 2e-5, fastest_grip = 0.5;  // [1, m, m/s]
+    constexpr double share = 0.2, slid = 2e-5, fastest_grip = 0.5, turned = 5e-4;  // [1, m, m/s, rad]
     for (std::size_t i = 0; i < v.fingers.size(); ++i) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset || v.before.empty() || !v.before[i].status.converged) continue;
@@ -153,6 +153,11 @@ void check_grips(const Watched& v, Findings& found) {
             const int body = w.shapes[std::size_t(o.object)].body;
             const Vec3<double> own = body < 0 ? Vec3<double>{0, 0, 0} : w.bodies[std::size_t(body)].velocity;
             if (norm(f.bone_velocity) + norm(own) > fastest_grip) continue;
+            // Under what turns, skin sticks and slides in all directions.
+            const double turn = body < 0 ? 0
+                                         : norm(angular_velocity(w.bodies[std::size_t(body)],
+                                                                 w.shapes[std::size_t(o.object)].pose.rotation));
+            if (w.solver.dt * turn > turned) continue;
             const double way = w.solver.dt * norm(f.bone_velocity);
             if (o.slip > share * way + slid)
                 found.add("what sticks does not slide",

@@ -7,13 +7,15 @@
 #include <map>
 #include <vector>
 
+#include "meshes/plain_numbers.h"
+
 namespace palpate {
 
 std::string line(const char* format, ...) {
     char buffer[240];
     va_list arguments;
     va_start(arguments, format);
-    std::vsnprintf(buffer, sizeof buffer, format, arguments);
+    plain_vsnprintf(buffer, sizeof buffer, format, arguments);
     va_end(arguments);
     return buffer;
 }

@@ -30,7 +30,7 @@ struct BodyState {
 
 /// Two objects that overlap more than they may for a while.
 struct PairOverlap {
-    double depth = 0;    ///< now [m]
+    double depth = -1;   ///< now; below zero: a gap [m]
     double deepest = 0;  ///< so far [m]
     double since = -1;   ///< [s]; -1: they do not
 };

@@ -8,6 +8,7 @@
 
 #include "engine/contact/fitted.h"
 #include "engine/contact/shape.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/studies/random/body_laws.h"
 #include "scenes/studies/random/finger_laws.h"
 
@@ -17,7 +18,7 @@ std::string law_text(const char* format, ...) {
     char buffer[300];
     va_list arguments;
     va_start(arguments, format);
-    std::vsnprintf(buffer, sizeof buffer, format, arguments);
+    plain_vsnprintf(buffer, sizeof buffer, format, arguments);
     va_end(arguments);
     return buffer;
 }

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdarg>
 
+#include "meshes/plain_numbers.h"
 #include "scenes/load/finger_mesh.h"
 #include "scenes/studies/stress/cases.h"
 
@@ -24,7 +25,7 @@ std::string text(const char* format, ...) {
     char buffer[400];
     va_list arguments;
     va_start(arguments, format);
-    std::vsnprintf(buffer, sizeof buffer, format, arguments);
+    plain_vsnprintf(buffer, sizeof buffer, format, arguments);
     va_end(arguments);
     return buffer;
 }

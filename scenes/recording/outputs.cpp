@@ -1,4 +1,4 @@
-#include "scenes/program/outputs.h"
+#include "scenes/recording/outputs.h"
 
 #include <algorithm>
 #include <array>
@@ -40,6 +40,9 @@ constexpr std::array output_names{
 
 void refuse_to_replace(const std::string& option, const std::string& file, Output kind) {
     std::error_code none;
+    // Hands are written while they come: a pipe that nobody reads would be waited for.
+    if (kind == Output::frames && !file.empty() && std::filesystem::is_fifo(file, none))
+        throw InputError(option + " " + file + ": is a pipe; give the name of a file");
     if (file.empty() || !std::filesystem::is_regular_file(file, none)) return;
     std::array<char, 16> bytes{};
     std::ifstream in(file, std::ios::binary);
