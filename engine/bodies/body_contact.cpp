@@ -126,7 +126,11 @@ double deepest_place(const Feature& f, const FeatureContact& c, const Pose<doubl
     double first = high - golden * (high - low), second = low + golden * (high - low);
     double at_first = distance(first), at_second = distance(second);
     for (int i = 0; i < edge_sections; ++i) {
-        if (at_first < at_second) {
+        if (std::abs(at_first - at_second) < rounded_gap) {  // on a face: within it, and not at its edge
+            low = first, high = second;
+            first = high - golden * (high - low), second = low + golden * (high - low);
+            at_first = distance(first), at_second = distance(second);
+        } else if (at_first < at_second) {
             high = second, second = first, at_second = at_first;
             first = high - golden * (high - low), at_first = distance(first);
         } else {
@@ -140,20 +144,29 @@ double deepest_place(const Feature& f, const FeatureContact& c, const Pose<doubl
 }
 
 /// What touches in a step, and how it slips along the way that bodies would take without each other: where a ball
-/// rolls, another point in every instant. The slip is that of what is at the contact half way through, by the step's
-/// Cayley turn (rotation_step): of a point that stays the same one exactly the way that it goes, and of a ball that
-/// rolls zero.
+/// rolls, another point in every instant. The slip is the turn times the mean arm of what is at the contact, which goes
+/// from where it is at first to where it is at last along an arc: of a point that stays the same one exactly the way
+/// that it goes, and of a ball that rolls zero.
 void touch_in_step(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c) {
-    const Vec3<double> there = touch_of(f, a.pose, c, *b.shape, b.pose, c.side).point;
+    const auto [there, surface] = touch_of(f, a.pose, c, *b.shape, b.pose, c.side);
+    c.distance = surface.distance;
     const Vec3<double> before = inverse_transform(b.start, touch_of(f, a.start, c, *b.shape, b.start, c.side).point);
     const Vec3<double> now = inverse_transform(b.pose, there), centre = inverse_transform(b.pose, a.centre),
                        centre_before =
                            inverse_transform(b.start, transform(a.start, inverse_transform(a.pose, a.centre)));
     const Quaternion<double> turn =
         (conjugate(b.pose.rotation) * a.pose.rotation) * conjugate(conjugate(b.start.rotation) * a.start.rotation);
-    const double w = std::max(std::abs(turn.w), fitted::least_turn_cosine);
-    const Vec3<double> cayley = ((turn.w < 0 ? -2 : 2) / w) * turn.vector();
-    const Vec3<double> slip = centre - centre_before + cross(cayley, 0.5 * ((before - centre_before) + (now - centre)));
+    const Vec3<double> half = (turn.w < 0 ? -1 : 1) * turn.vector();
+    const double sine = norm(half);
+    const Vec3<double> axis = sine > 0 ? (1 / sine) * half : Vec3<double>{0, 0, 1};
+    double angle = 2 * std::atan2(sine, std::abs(turn.w));
+    const double expected = dot(axis, transposed_times(rotation_matrix(b.pose.rotation), a.turn - b.turn));
+    angle += 2 * M_PI * std::round((expected - angle) / (2 * M_PI));
+    const Vec3<double> first = cross(axis, before - centre_before), last = cross(axis, now - centre);
+    // Of an arc, the mean is the chord's middle times tan(x) / x, x half of what it spans about the axis.
+    const double span = 0.5 * std::atan2(norm(cross(first, last)), dot(first, last));
+    const double mean = span > 1e-4 ? std::tan(std::min(span, fitted::widest_span)) / span : 1;
+    const Vec3<double> slip = centre - centre_before + (0.5 * angle * mean) * (first + last);
     c.point_of_a = inverse_transform(a.pose, there);
     c.point_of_b = now - slip;
 }

@@ -32,6 +32,7 @@ struct ContactBody {
     int body = -1;                 ///< row of its body; -1: fixed or scripted
     double speed = 0;              ///< of its fastest point, before the step [m/s]
     bool still = false;            ///< asleep, or fixed
+    Vec3<double> turn{0, 0, 0};    ///< about as it turns in the step, whole revolutions with it, world [rad]
 };
 
 /// One push on both objects of a pair: a gradient and curvature at one point.

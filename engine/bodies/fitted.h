@@ -28,8 +28,8 @@ inline constexpr int edge_sections = 24;
 /// A disc is blunt below the tilt at which its rim would be so many times deeper than the contact gives way under its
 /// load; within these bounds [rad] (`Bodies.ACylinderThatComesToStand*`).
 inline constexpr double blunt_per_give = 4, least_blunt = 1e-6, most_blunt = 0.05;
-/// Turns of nearly half a revolution in a step slip as one with this cosine of its half does.
-inline constexpr double least_turn_cosine = 1e-3;
+/// Points that go round by nearly half a revolution in a step slip as ones that go by twice this [rad].
+inline constexpr double widest_span = 1.5;
 /// Corners are round by this [m], or a fiftieth of the smallest half edge. (With five times as much boxes on boxes tip
 /// a degree early.)
 inline constexpr double corner_radius = 2e-4;
@@ -37,6 +37,8 @@ inline constexpr double corner_radius = 2e-4;
 /// it may meet.
 inline constexpr double least_crossing = 5e-4;
 inline constexpr int crossing_samples = 16;
+/// Bodies that would be deeper in each other at the end of a step, without contact, begin it where they were [m].
+inline constexpr double deepest_guess = 1e-3;
 /// Normals are of one face where their cosine is above this.
 inline constexpr double one_face = 0.7;
 

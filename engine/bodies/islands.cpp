@@ -19,11 +19,12 @@ void find_coupled_chunks(BodyWork& w) {
 void set_object(BodyWork& w, int object) {
     const VirtualObject& shape = w.shapes[object];
     ContactBody& o = w.s.objects[object];
-    o = {&shape.shape, shape.previous, shape.pose, shape.pose.position, shape.body, 0, false};
+    o = {&shape.shape, shape.previous, shape.pose, shape.pose.position, shape.body, 0, false, {0, 0, 0}};
     if (shape.body < 0) {
         const Quaternion<double> turn = shape.pose.rotation * conjugate(shape.previous.rotation);
         o.speed = norm(shape.pose.position - shape.previous.position) / w.solver.dt;
         o.still = o.speed <= 0 && norm(turn.vector()) <= 1e-15;
+        o.turn = shorter_twice_vector(turn);
         return;
     }
     const BodyProgress& b = w.s.bodies[shape.body];
@@ -31,7 +32,10 @@ void set_object(BodyWork& w, int object) {
     o.pose = object_pose(body, b.pose);
     o.centre = b.pose.position;
     o.still = body.asleep;
-    if (!o.still) o.speed = norm(body.velocity) + norm(angular_velocity(body, o.pose.rotation)) * body.size;
+    if (o.still) return;
+    const Vec3<double> spin = angular_velocity(body, o.pose.rotation);
+    o.speed = norm(body.velocity) + norm(spin) * body.size;
+    o.turn = w.solver.dt * spin;
 }
 
 bool may_touch(const BodyWork& w, int a, int b) {
@@ -134,6 +138,20 @@ void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
                 p->contacts.assign(features, FeatureContact{});  // within what it reserved
             if (!w.s.objects[a].still || !w.s.objects[b].still) begin_near_pair(w, *p, given);
         }
+    }
+}
+
+/// Bodies that would be deep in each other begin to be solved for where they were: from far inside, Newton may find
+/// another way out, as a cube that falls flat on a plate in one long step and is turned over.
+void begin_outside(BodyWork& w) {
+    for (const BodyPair& p : w.s.pairs) {
+        if (p.a < 0 || std::none_of(p.contacts.begin(), p.contacts.end(), [](const FeatureContact& c) {
+                return c.distance - c.offset < -fitted::deepest_guess;
+            }))
+            continue;
+        for (int object : {p.a, p.b})
+            if (const int body = w.shapes[object].body; body >= 0)
+                w.s.bodies[body].pose = w.s.bodies[body].base = w.s.bodies[body].start;
     }
 }
 
@@ -312,6 +330,7 @@ void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<Pa
     if (!w.bodies.empty()) {
         for (std::size_t object = 0; object < w.shapes.size(); ++object) set_object(w, int(object));
         find_pairs(w, pair_frictions);
+        begin_outside(w);
     }
     wake(w);
     group(w);

@@ -3,6 +3,7 @@
 // of mass (left rotations, as in pose_spring.h).
 
 #include <Eigen/Core>
+#include <cmath>
 
 #include "engine/contact/shape.h"
 
@@ -59,15 +60,21 @@ inline double kinetic_energy(const RigidBody& body, const Quaternion<double>& ro
                   dot(angular_velocity(body, rotation), body.angular_momentum));
 }
 
+/// Rotation by the vector `turn` [rad], exactly.
+inline Quaternion<double> rotation_by(const Vec3<double>& turn) {
+    const double half = 0.5 * norm(turn), share = half > 1e-8 ? 0.5 * std::sin(half) / half : 0.5;
+    return normalised(Quaternion<double>{std::cos(half), share * turn.x, share * turn.y, share * turn.z});
+}
+
 /// Where the body would be at the end of the step without contact: gravity, and a free turn by the midpoint rule, which
 /// keeps its angular momentum.
 inline Pose<double> free_flight(const RigidBody& body, const Pose<double>& centre, const Vec3<double>& gravity,
                                 double dt) {
     const Vec3<double> first = angular_velocity(body, centre.rotation);
-    const Quaternion<double> half = normalised(rotation_step(0.5 * dt * first) * centre.rotation);
+    const Quaternion<double> half = normalised(rotation_by(0.5 * dt * first) * centre.rotation);
     const Vec3<double> middle = angular_velocity(body, half);
     return {centre.position + dt * body.velocity + (dt * dt) * gravity,
-            normalised(rotation_step(dt * middle) * centre.rotation)};
+            normalised(rotation_by(dt * middle) * centre.rotation)};
 }
 
 struct BodyTerms {
