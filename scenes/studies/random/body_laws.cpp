@@ -118,8 +118,10 @@ void check_flight(Watched& v, Findings& found) {
         RigidBody then = b;
         then.angular_momentum = before.angular_momentum;
         if (energy < 0) energy = turning_energy(then, before.centre);
-        // As much as the solve may leave of its weight.
-        const double fall = dt * norm(w.gravity), left = 1.1 * fitted::unbalanced_weight * 9.81 * dt + 1e-12;
+        // As much as the solve may leave of its weight; of fingers in single precision that it flies among, more.
+        const double rounded = w.chunks.floats.empty() ? 0 : fitted::own_rounding / b.mass;
+        const double fall = dt * norm(w.gravity),
+                     left = 1.1 * std::max(fitted::unbalanced_weight * 9.81, rounded) * dt + 1e-12;
         const double speed = norm(now.velocity - before.velocity - dt * w.gravity);
         const double way = norm(now.centre.position - before.centre.position - dt * now.velocity);
         const double spin = norm(now.angular_momentum - before.angular_momentum);
