@@ -18,6 +18,36 @@ std::vector<double> along_axis(double half_length, double radius, int fewest_gap
     return heights;
 }
 
+/// Mean distance of a rectangle's points from its middle, by its half edges.
+double mean_arm(double a, double b) {
+    constexpr int parts = 32;
+    double sum = 0;
+    for (int i = 0; i < parts; ++i)
+        for (int j = 0; j < parts; ++j) sum += std::hypot(a * (i + 0.5) / parts, b * (j + 0.5) / parts);
+    return sum / (parts * parts);
+}
+
+/// A box against planes: its corners, and of each face four points more, so near its middle that rubbing brakes the
+/// spin of a box that lies on it as all of the face would.
+std::vector<Feature> points_of_box(const Vec3<double>& half) {
+    std::vector<Feature> out;
+    for (double x : {-half.x, half.x})
+        for (double y : {-half.y, half.y})
+            for (double z : {-half.z, half.z}) out.push_back({{x, y, z}, 0, {0, 0, 0}, {0, 0, 0}});
+    for (int axis = 0; axis < 3; ++axis) {
+        const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const double share = 2 * mean_arm(half[u], half[v]) / std::hypot(half[u], half[v]) - 1;
+        for (double side : {-1.0, 1.0})
+            for (double i : {-share, share})
+                for (double j : {-share, share}) {
+                    Vec3<double> point;
+                    point[axis] = side * half[axis], point[u] = i * half[u], point[v] = j * half[v];
+                    out.push_back({point, 0, {0, 0, 0}, {0, 0, 0}});
+                }
+    }
+    return out;
+}
+
 }  // namespace
 
 std::vector<Feature> features_of(const Shape& shape, bool against_planes) {
@@ -27,12 +57,7 @@ std::vector<Feature> features_of(const Shape& shape, bool against_planes) {
         case ShapeKind::plane:
             break;
         case ShapeKind::box: {
-            if (against_planes) {
-                for (double x : {-s.x, s.x})
-                    for (double y : {-s.y, s.y})
-                        for (double z : {-s.z, s.z}) out.push_back({{x, y, z}, 0, {0, 0, 0}, {0, 0, 0}});
-                break;
-            }
+            if (against_planes) return points_of_box(s);
             // Corners are round, by a little: where boxes of one size lie flush, sharp corners would sit on edges, from
             // where up is no nearer than out.
             const double r = std::min(fitted::corner_radius, 0.02 * std::min({s.x, s.y, s.z}));

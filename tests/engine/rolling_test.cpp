@@ -200,6 +200,22 @@ TEST(Bodies, ACylinderThatSpinsOnItsEndIsBrakedAsADisc) {
     }
 }
 
+/// Friction of a box that spins on a face: mu m g times the mean arm of the face.
+TEST(Bodies, ABoxThatSpinsOnAFaceIsBrakedAsAllOfIt) {
+    for (auto [x, y] : {std::pair{0.01, 0.01}, std::pair{0.015, 0.01}, std::pair{0.03, 0.005}}) {
+        double arm = 0;
+        for (int i = 0; i < 100; ++i)
+            for (int j = 0; j < 100; ++j) arm += 1e-4 * std::hypot(x * (i + 0.5) / 100, y * (j + 0.5) / 100);
+        ObjectSpec o = body({ShapeKind::box, {x, y, 0.005}}, 0.02, {0, 0, 0.005}, 0.3);
+        o.body->angular_momentum = {0, 0, o.body->inertia[2][2] * 30};
+        Lab lab(two_of(ground_of({}, Pose<double>::identity(), 0.3), o, 1e-3));
+        lab.run(0.02);
+        const double spin = angular_velocity(lab.world.bodies[0], lab.world.shapes[1].pose.rotation).z;
+        const double slower = 0.3 * 0.02 * g * arm / o.body->inertia[2][2] * 0.02;
+        EXPECT_NEAR(30 - spin, slower, 0.03 * slower) << x << ' ' << y;
+    }
+}
+
 /// A box on a slope stands until its middle is above the edge of its base.
 TEST(Bodies, ABoxTipsWhereItsBaseEnds) {
     const Shape tower{ShapeKind::box, {0.01, 0.01, 0.02}}, table{ShapeKind::box, {0.2, 0.2, 0.05}};
