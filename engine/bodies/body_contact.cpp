@@ -201,9 +201,10 @@ struct Face {
     Vec3<double> normal{0, 0, 0};
     double reach = 0;  ///< from its middle [m]
 };
+using Faces = std::array<Face, 16>;
 /// Those of a box, or both ends of a cylinder and its side towards x; unused ones have no normal.
-std::array<Face, 6> faces_of(const Shape& shape, const Vec3<double>& x) {
-    std::array<Face, 6> faces;
+Faces faces_of(const Shape& shape, const Vec3<double>& x) {
+    Faces faces;
     if (shape.kind == ShapeKind::cylinder) {
         faces[0] = {{0, 0, 1}, shape.size.y};
         faces[1] = {{0, 0, -1}, shape.size.y};
@@ -214,6 +215,24 @@ std::array<Face, 6> faces_of(const Shape& shape, const Vec3<double>& x) {
     for (std::size_t i = 0; i < 6; ++i) {
         faces[i].normal[int(i / 2)] = i % 2 == 0 ? 1 : -1;
         faces[i].reach = shape.size[int(i / 2)];
+    }
+    return faces;
+}
+
+/// Of another object the planes at which the features inside it are nearest to its surface, as far as they differ.
+Faces faces_met(const BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a,
+                const ContactBody& b) {
+    Faces faces;
+    std::size_t count = 0;
+    const Mat3<double> R = rotation_matrix(b.start.rotation);
+    for (std::size_t i = 0; i < features.size() && count < faces.size(); ++i) {
+        if (pair.contacts[i].undone <= 0) continue;
+        const Touch at = touch_of(features[i], a.start, pair.contacts[i], *b.shape, b.start, 0);
+        const Vec3<double> n = transposed_times(R, (1 / std::max(norm(at.surface.normal), 1e-6)) * at.surface.normal);
+        const double reach = dot(n, inverse_transform(b.start, at.point)) - at.surface.distance;
+        if (std::none_of(faces.begin(), faces.begin() + std::ptrdiff_t(count),
+                         [&](const Face& f) { return dot(f.normal, n) > fitted::same_face; }))
+            faces[count++] = {n, reach};
     }
     return faces;
 }
@@ -280,7 +299,7 @@ SurfacePoint<double> surface_at(const FeatureContact& c, const Shape& b, const P
 }
 
 bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
-    if (!has_sides(b.shape->kind)) return false;
+    if (b.shape->kind == ShapeKind::plane) return false;
     Vec3<double> first{0, 0, 0};
     bool one_face = true;
     for (std::size_t i = 0; i < features.size(); ++i) {
@@ -293,7 +312,9 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
     if (one_face) return false;
     double least = HUGE_VAL;
     FeatureContact best;
-    for (const Face& face : faces_of(*b.shape, inverse_transform(b.start, a.start.position))) {
+    const Faces faces = has_sides(b.shape->kind) ? faces_of(*b.shape, inverse_transform(b.start, a.start.position))
+                                                 : faces_met(pair, features, a, b);
+    for (const Face& face : faces) {
         FeatureContact out;
         out.way = face.normal, out.reach = face.reach;
         double deepest = dot(face.normal, face.normal) > 0 ? 0 : HUGE_VAL;

@@ -92,8 +92,8 @@ Touch touch_of(const Feature& feature, const Pose<double>& a, const FeatureConta
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
 /// Features that are inside b, and whose nearest faces are not all one, would be pressed out of several at once, as a
 /// box that stands beside another is at its top, foot and side: all of them leave by the face of which the deepest is
-/// least deep. Of boxes and cylinders, among the features whose overlap undo_overlap() undoes. Returns whether it was
-/// so.
+/// least deep. Of boxes and cylinders these are their faces, of others the planes at which features inside them are
+/// nearest to their surface; among the features whose overlap undo_overlap() undoes. Returns whether it was so.
 bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
 /// Distance and normal of b at a point of a feature, both world, with b where `pose` is.
 SurfacePoint<double> surface_at(const FeatureContact& contact, const Shape& b, const Pose<double>& pose,

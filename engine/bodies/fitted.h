@@ -39,8 +39,8 @@ inline constexpr double least_crossing = 5e-4;
 inline constexpr int crossing_samples = 16;
 /// Bodies that would be deeper in each other at the end of a step, without contact, begin it where they were [m].
 inline constexpr double deepest_guess = 1e-3;
-/// Normals are of one face where their cosine is above this.
-inline constexpr double one_face = 0.7;
+/// Normals are of one face where their cosine is above the first of these, and of one plane above the second.
+inline constexpr double one_face = 0.7, same_face = 0.98;
 
 // --- The solve (solve_bodies.cpp) ---
 /// What may be left unbalanced of a body's weight, however hard it is gripped (a gram under a hard grip).

@@ -261,6 +261,33 @@ TEST(MeshObject, WhatFallsOnTrianglesStaysOnThem) {
         }
 }
 
+/// A box that begins 1.7 mm inside a block of triangles no wider than itself leaves it upwards, slowly, and lies on it.
+TEST(MeshObject, WhatOverlapsTrianglesLeavesThemByOneWay) {
+    const auto block =
+        std::make_shared<const DistanceMesh>(build_distance_mesh(box_surface({0.011, 0.0047, 0.008}, 3)));
+    for (double dt : {1e-3, 2e-3, 5e-3}) {
+        SceneSpec spec;
+        spec.solver.dt = dt;
+        ObjectSpec below{"mesh", {ShapeKind::mesh, {0, 0, 0}, block.get()}, Pose<double>::identity(), 0.4};
+        below.mesh = block;
+        ObjectSpec o{"body", {ShapeKind::box, {0.0065, 0.0043, 0.007}}, {{0, 0, 0.0133}, {1, 0, 0, 0}}, 0.4};
+        o.body = solid_body(o.shape, 0.1);
+        spec.objects = {below, o};
+        World world = build_world(spec);
+        Threads threads(1);
+        double fastest = 0, moved = 0, before = o.pose.position.z;
+        while (world.time < 0.3) {
+            step(world, threads);
+            fastest = std::max(fastest, norm(world.bodies[0].velocity));
+            moved = std::max(moved, world.shapes[1].pose.position.z - before);
+            before = world.shapes[1].pose.position.z;
+        }
+        EXPECT_LT(fastest, 0.02) << dt;
+        EXPECT_LT(moved, 1.1 * dt * spec.solver.recovery_speed) << dt;
+        EXPECT_NEAR(before, 0.015, 1e-4) << dt;
+    }
+}
+
 /// A mug stands on its foot, and a ball of triangles lies and rolls nearly as a ball does.
 TEST(MeshObject, RoundMeshesStandAndRollOnPlanes) {
     auto ends = [](const Surface& surface, const Vec3<double>& at, const Vec3<double>& velocity, double spin) {
