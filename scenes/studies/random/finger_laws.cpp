@@ -149,6 +149,12 @@ void check_grips(const Watched& v, Findings& found) {
         for (const ObjectContact& o : f.objects) {
             if (o.object < 0 || w.shapes[std::size_t(o.object)].soft >= 0 || !sticks(o)) continue;
             if (!stuck_before(v.before[i], o)) continue;
+            // What one finger alone presses may tilt, or roll, under it.
+            const auto others = std::count_if(v.fingers.begin(), v.fingers.end(), [&](const FingerState& of) {
+                return std::any_of(of.objects.begin(), of.objects.end(),
+                                   [&](const ObjectContact& c) { return c.object == o.object && c.normal_force > 0; });
+            });
+            if (w.shapes[std::size_t(o.object)].body >= 0 && others < 2) continue;
             // After a blow skin rings under what presses it, and slides where it presses little.
             const int body = w.shapes[std::size_t(o.object)].body;
             const Vec3<double> own = body < 0 ? Vec3<double>{0, 0, 0} : w.bodies[std::size_t(body)].velocity;
