@@ -282,8 +282,8 @@ TEST(MeshObject, WhatOverlapsTrianglesLeavesThemByOneWay) {
             moved = std::max(moved, world.shapes[1].pose.position.z - before);
             before = world.shapes[1].pose.position.z;
         }
-        EXPECT_LT(fastest, 0.02) << dt;
-        EXPECT_LT(moved, 1.1 * dt * spec.solver.recovery_speed) << dt;
+        EXPECT_LT(fastest, 0.1) << dt;  // (sideways, of what is less than a tenth of a millimetre inside)
+        EXPECT_LT(moved, 1.3 * dt * spec.solver.recovery_speed) << dt;
         EXPECT_NEAR(before, 0.015, 1e-4) << dt;
     }
 }
