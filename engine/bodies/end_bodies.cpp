@@ -75,13 +75,15 @@ void brake_recovery(Work& w) {
                 for (FeatureContact& c : p.contacts)
                     if (is_braked(w, p, c)) visit(p, c, blow_at(w, p, c));
     };
+    bool any = false;
     for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
+        any = true;
         c.brake = 0;
         c.parting = std::max(0.0, at.speed - c.undone / w.solver.dt);
         // Where a solve ends early, overlaps that contradict each other have thrown what was to be taken out of them.
         if (!island_of_pair(w, p).progress.converged) c.parting = std::min(c.parting, std::max(0.0, -c.approach));
     });
-    for (int sweep = 0; sweep < 30; ++sweep)
+    for (int sweep = 0; any && sweep < 30; ++sweep)
         for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
             const double brake = std::min(0.0, c.brake + (c.parting - at.speed) / at.give);
             push_apart(w, p, at, brake - c.brake);

@@ -108,6 +108,8 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
     };
     for_each_contact(begin_contact);
     if (find_way_out(p, features, a, b)) for_each_contact(begin_contact);
+    if (std::none_of(p.contacts.begin(), p.contacts.end(), [](const FeatureContact& c) { return c.undone > 0; }))
+        return;
     for_each_contact([&](const FeatureContact& c, const Touch& at) {
         const double depth = -at.surface.distance;
         if (c.undone > 0 && depth > w.s.deepest.depth) w.s.deepest = {p.a, p.b, depth, w.time};
