@@ -4,6 +4,8 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <set>
+
 #include <nlohmann/json.hpp>
 
 #include "devices/drivers/serial_line.h"
@@ -254,7 +256,11 @@ TEST_F(Usb, FiveFingersOnOneBoardMoveSafelyAndEndAtRest) {
         for (const char* told : {"age of", "schedule:", "fell behind", "failures, opened"})
             if (line.find(told) != std::string::npos) std::printf("%s\n", line.c_str());
     const auto targets = log();
-    EXPECT_GT(targets.size(), 300u);
+    // How many commands a board takes is a matter of what else the machine does; that each servo was led is not.
+    std::set<int> led;
+    for (const Target& t : targets)
+        if (t.channel >= 0 && t.value != rest_pulse(t.channel % 3)) led.insert(t.channel);
+    EXPECT_EQ(led.size(), 15u);
     expect_safe(targets);
     expect_at_rest(targets, 15);
 }
