@@ -19,6 +19,14 @@ bool gains(const BodyWork& w, const BodyProgress& b, int body) {
     return b.gain > uncertainty(w.bodies[std::size_t(body)], b);
 }
 
+/// Coming out of an overlap lifts a body, at a speed of its own: by as much as is undone, twice where it turns about a
+/// corner. More than that is what overlaps that contradict each other throw.
+double recovery(const BodyWork& w, const RigidBody& body, const BodyProgress& b) {
+    if (b.undone <= 0) return 0;
+    const double speed = fitted::recovery_lever * w.solver.recovery_speed;
+    return fitted::recovery_lever * b.undone * norm(b.weight) + 0.5 * body.mass * speed * speed;
+}
+
 /// What really acted on a body beside its weight [N].
 Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.mass * body.acceleration - b.weight; }
 
@@ -100,9 +108,10 @@ void add_support_of_objects(BodyWork& w) {
         if (p.a < 0) continue;
         const ContactBody &a = w.s.objects[std::size_t(p.a)], &b = w.s.objects[std::size_t(p.b)];
         for (const FeatureContact& contact : p.contacts) {
-            if (contact.undone > 0)  // coming out of an overlap lifts bodies, at a speed of its own
-                for (const ContactBody* o : {&a, &b})
-                    if (o->body >= 0) w.s.bodies[std::size_t(o->body)].gain = 0;
+            for (const ContactBody* o : {&a, &b})
+                if (o->body >= 0)
+                    if (double& undone = w.s.bodies[std::size_t(o->body)].undone; undone < contact.undone)
+                        undone = contact.undone;
             for (const PairTerm& term : contact.terms) {
                 if (dot(term.gradient, term.gradient) <= 0) continue;
                 const Vec3<double> of_a = way_of(a, a.centre + term.arm_of_a),
@@ -142,7 +151,7 @@ void brake_gains(BodyWork& w) {
     };
     for_each_gaining([&](RigidBody& body, BodyProgress& b, int row) {
         b.gain = kinetic_energy(body, b.pose.rotation) - b.kinetic - dot(b.weight, b.pose.position - b.start.position);
-        b.supported = b.load = 0;
+        b.supported = b.load = b.undone = 0;
         b.carried = {0, 0, 0};
         any |= gains(w, b, row);
     });
@@ -154,7 +163,7 @@ void brake_gains(BodyWork& w) {
             b.supported = dot(push(body, b), b.carried) / b.load;
             b.carried = {0, 0, 0};  // nor does it go along with what it touched
         }
-        const double excess = b.gain - std::max(0.0, b.supported);
+        const double excess = b.gain - std::max(0.0, b.supported) - recovery(w, body, b);
         if (excess <= uncertainty(body, b)) return;
         const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};
         const Vec3<double> speed = body.velocity - along;
