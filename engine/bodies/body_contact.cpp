@@ -240,8 +240,9 @@ Faces faces_met(const BodyPair& pair, const std::vector<Feature>& features, cons
 /// Where a step would carry a feature through an object, or past its middle, the face that it meets first is the
 /// object's surface for this step: the plane through the point that is met, which moves with that point and does not
 /// turn, so that what is round is not turned by it. (Boxes and ends of discs remember their sides instead.)
-void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c,
-                        double travel) {
+enum class Within { may_be, must_be };  ///< where the nearest face of a point inside is the one it came through
+void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c, double travel,
+                        Within within) {
     if (b.shape->kind == ShapeKind::plane || c.side != 0 || travel < fitted::least_crossing) return;
     const Vec3<double> point = f.point + c.place * f.along;
     const Vec3<double> from = inverse_transform(b.start, transform(a.start, point)),
@@ -265,7 +266,7 @@ void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBod
     if (!touches) return;
     const Vec3<double> normal = (1 / std::max(norm(met.normal), 1e-6)) * met.normal;
     const SurfacePoint<double> end = surface_point(*b.shape, own, from + way);
-    if (end.distance > 0 && dot(normal, end.normal) > fitted::one_face) return;
+    if ((end.distance > 0 || within == Within::may_be) && dot(normal, end.normal) > fitted::one_face) return;
     c.face = rotation_matrix(b.start.rotation) * normal;
     c.met = where - met.distance * normal;
 }
@@ -285,8 +286,29 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
         const Vec3<double> middle = inverse_transform(b.start, transform(a.start, point));
         const double travel = norm(inverse_transform(b.pose, transform(a.pose, point)) - middle);
         c.side = side_in_step(*b.shape, middle, c.side, travel);
-        stop_at_first_face(features[i], a, b, c, travel);
+        stop_at_first_face(features[i], a, b, c, travel, Within::must_be);
         touch_in_step(features[i], a, b, c);
+    }
+}
+
+void stop_falls(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b,
+                const Pose<double>& a_falls, const Pose<double>& b_falls) {
+    auto fall = [](const ContactBody& o, const Pose<double>& pose) { return norm(pose.position - o.pose.position); };
+    if (std::max(fall(a, a_falls), fall(b, b_falls)) < fitted::least_crossing) return;
+    // Either may be held where it is by something else.
+    ContactBody falling_a = a, falling_b = b;
+    falling_a.pose = a_falls, falling_b.pose = b_falls;
+    for (std::size_t i = 0; i < features.size(); ++i) {
+        FeatureContact& c = pair.contacts[i];
+        const Vec3<double> point = features[i].point + c.place * features[i].along;
+        using Both = std::pair<const ContactBody*, const ContactBody*>;
+        for (auto [of_a, of_b] : {Both{&falling_a, &b}, Both{&a, &falling_b}, Both{&falling_a, &falling_b}}) {
+            if (dot(c.face, c.face) > 0) break;
+            const Vec3<double> from = inverse_transform(b.start, transform(a.start, point)),
+                               to = inverse_transform(of_b->pose, transform(of_a->pose, point));
+            stop_at_first_face(features[i], *of_a, *of_b, c, norm(to - from), Within::may_be);
+        }
+        if (dot(c.face, c.face) > 0) touch_in_step(features[i], a, b, c);
     }
 }
 

@@ -90,6 +90,12 @@ Touch touch_of(const Feature& feature, const Pose<double>& a, const FeatureConta
 
 /// Start of a step: which points touch, for friction.
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
+
+/// Where weight would carry a point through an object, or past its middle, before the first guess has it move at all
+/// (a stack of thin things in long steps), it meets the face that it comes to first, too. `a_falls`, `b_falls`: where
+/// the objects would be without contact.
+void stop_falls(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b,
+                const Pose<double>& a_falls, const Pose<double>& b_falls);
 /// Features that are inside b, and whose nearest faces are not all one, would be pressed out of several at once, as a
 /// box that stands beside another is at its top, foot and side: all of them leave by the face of which the deepest is
 /// least deep. Of boxes and cylinders these are their faces, of others the planes at which features inside them are

@@ -34,6 +34,7 @@ struct Island {
     int vain_updates = 0;  ///< in a row, that left the deepest overlap as it was
     bool following = false;
     bool soft = false;        ///< some lane is near a soft object
+    bool recovers = false;    ///< scratch: an overlap has been undone in it
     bool slow = false;        ///< a kept matrix has led it hardly nearer to the solution (kept_matrix.h)
     bool coupling = false;    ///< scratch: its coupled direction is being found
     bool linear = false;      ///< some lane has linear tissue

@@ -59,9 +59,11 @@ bool is_recovering(const BodyPair& p) {
 }
 
 /// Whether the motion of a contact out of an overlap is to be braked: of one that pushes, and where the solve has ended
-/// early, also of one that has been thrown too far to push any more.
+/// early, also of one that has been thrown too far to push any more. What such a motion pushes in its turn goes no
+/// faster.
 bool is_braked(Work& w, const BodyPair& p, const FeatureContact& c) {
-    return c.undone > 0 && (c.normal_multiplier > 0 || !island_of_pair(w, p).progress.converged);
+    if (c.normal_multiplier > 0) return true;
+    return c.undone > 0 && !island_of_pair(w, p).progress.converged;
 }
 
 /// The motion that undid overlaps is no velocity: takes its share of the speed at which objects part away again, by
@@ -71,19 +73,25 @@ void brake_recovery(Work& w) {
     if (!w.solver.inertia) return;
     auto for_each_recovering = [&](auto visit) {
         for (BodyPair& p : w.s.pairs)
-            if (p.a >= 0)
+            if (p.a >= 0 && island_of_pair(w, p).recovers)
                 for (FeatureContact& c : p.contacts)
                     if (is_braked(w, p, c)) visit(p, c, blow_at(w, p, c));
     };
     bool any = false;
+    for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].recovers = false;
+    for (const BodyPair& p : w.s.pairs)
+        if (p.a >= 0)
+            for (const FeatureContact& c : p.contacts)
+                if (c.undone > 0 && is_braked(w, p, c)) island_of_pair(w, p).recovers = any = true;
+    if (!any) return;
     for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
-        any = true;
         c.brake = 0;
         c.parting = std::max(0.0, at.speed - c.undone / w.solver.dt);
         // Where a solve ends early, overlaps that contradict each other have thrown what was to be taken out of them.
-        if (!island_of_pair(w, p).progress.converged) c.parting = std::min(c.parting, std::max(0.0, -c.approach));
+        if (c.undone > 0 && !island_of_pair(w, p).progress.converged)
+            c.parting = std::min(c.parting, std::max(0.0, -c.approach));
     });
-    for (int sweep = 0; any && sweep < 30; ++sweep)
+    for (int sweep = 0; sweep < 30; ++sweep)
         for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
             const double brake = std::min(0.0, c.brake + (c.parting - at.speed) / at.give);
             push_apart(w, p, at, brake - c.brake);

@@ -98,6 +98,10 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
     const std::vector<Feature>& features = features_of_pair(w.s, p);
     begin_pair(p, features, a, b);
+    auto without_contact = [&](const ContactBody& o) {
+        return o.body < 0 ? o.pose : object_pose(w.bodies[o.body], w.s.bodies[o.body].target);
+    };
+    stop_falls(p, features, a, b, without_contact(a), without_contact(b));
     auto for_each_contact = [&](auto visit) {
         for (std::size_t i = 0; i < features.size(); ++i)
             visit(p.contacts[i], touch_of(features[i], a.start, p.contacts[i], *b.shape, b.start, 0));
@@ -143,17 +147,37 @@ void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
     }
 }
 
+/// Puts an object's body back to where the step began. Whether it had gone anywhere.
+bool put_back(BodyWork& w, int object) {
+    const int body = w.shapes[object].body;
+    if (body < 0) return false;
+    BodyProgress& b = w.s.bodies[body];
+    if (norm(b.pose.position - b.start.position) <= 0) return false;
+    b.pose = b.base = b.start;
+    return true;
+}
+
 /// Bodies that would be deep in each other begin to be solved for where they were: from far inside, Newton may find
-/// another way out, as a cube that falls flat on a plate in one long step and is turned over.
+/// another way out, as a cube that falls flat on a plate in one long step and is turned over. So do those that would be
+/// deep in one that has been put back: of a stack, all.
 void begin_outside(BodyWork& w) {
-    for (const BodyPair& p : w.s.pairs) {
-        if (p.a < 0 || std::none_of(p.contacts.begin(), p.contacts.end(), [](const FeatureContact& c) {
-                return c.distance - c.offset < -fitted::deepest_guess;
-            }))
-            continue;
-        for (int object : {p.a, p.b})
-            if (const int body = w.shapes[object].body; body >= 0)
-                w.s.bodies[body].pose = w.s.bodies[body].base = w.s.bodies[body].start;
+    // How far the guess had led what has been put back.
+    auto way_back = [&](int object) {
+        const int body = w.shapes[object].body;
+        return body < 0 ? 0 : norm(w.s.objects[object].centre - w.s.bodies[body].pose.position);
+    };
+    for (bool again = true; again;) {
+        again = false;
+        for (const BodyPair& p : w.s.pairs) {
+            if (p.a < 0) continue;
+            const double lost = std::max(way_back(p.a), way_back(p.b));
+            if (std::none_of(p.contacts.begin(), p.contacts.end(), [&](const FeatureContact& c) {
+                    return c.distance - c.offset - lost < -fitted::deepest_guess;
+                }))
+                continue;
+            again |= put_back(w, p.a);
+            again |= put_back(w, p.b);
+        }
     }
 }
 

@@ -185,7 +185,10 @@ void begin_soft_contact(BodyWork& w) {
         const int k = coupled_of(w, soft.single_precision, soft.chunk);
         if (k < 0) continue;
         p.island = island_of(w, k, soft.lane);
-        if (p.island >= 0) w.s.islands[std::size_t(p.island)].soft = true;
+        if (p.island < 0) continue;
+        Island& island = w.s.islands[std::size_t(p.island)];
+        island.soft = true;
+        island.progress.further = std::max(0, fitted::least_soft_iterations - w.solver.newton_iterations);
     }
 }
 
@@ -217,10 +220,14 @@ void end_soft_contact(BodyWork& w) {
             continue;
         }
         bool deep = false;
+        const Island& island = w.s.islands[std::size_t(p.island)];
+        const double share = fitted::soft_gate * fitted::soft_gate;
+        const bool takes = island.progress.converged || island.evaluation.residual <= share * island.evaluation.pending;
         for (SoftSample& s : p.samples) {
             if (!s.near) continue;
-            s.state = {s.terms.normal_force, s.terms.tangential, p.friction * s.terms.normal_force, s.normal};
             deep |= s.gap < -too_deep;
+            if (takes)
+                s.state = {s.terms.normal_force, s.terms.tangential, p.friction * s.terms.normal_force, s.normal};
         }
         if (deep) for_both(w, p, [](auto& c, int lane) { c.status[std::size_t(lane)].converged = false; });
     }

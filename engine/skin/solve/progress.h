@@ -18,7 +18,7 @@ namespace palpate::detail {
 /// How many iterations there may be.
 template <class R>
 inline R iterations_allowed(const SolverSettings& s, const LaneProgress<R>& p) {
-    return minimum(R(ScalarOf<R>(s.newton_iterations)), p.budget) + p.extra;
+    return minimum(R(ScalarOf<R>(s.newton_iterations)) + p.further, p.budget) + p.extra;
 }
 
 /// The deadline is near: no more iterations than there have been, but one for each finger, and one after an update of
