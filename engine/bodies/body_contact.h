@@ -65,7 +65,8 @@ struct FeatureContact {
     double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]
     double parting = 0, brake = 0;  ///< speed that is left [m/s], and the impulse that takes the rest away [N s]
     double bounce = 0;              ///< impulse with which it bounces [N s]
-    std::array<PairTerm, 2> terms;  ///< normal, friction
+    Vec3<double> bounce_friction{0, 0, 0};  ///< and with which it rubs then, world [N s]
+    std::array<PairTerm, 2> terms;          ///< normal, friction
 };
 
 /// Two objects near each other: `a` brings the features.

@@ -16,8 +16,10 @@ struct BodyProgress {
     Motion gradient = Motion::Zero(), rhs = Motion::Zero(), step = Motion::Zero(), added = Motion::Zero();
     Motion first_step = Motion::Zero();
     BodyTerms inertia;
-    double kinetic = 0;              ///< energy, when the step began [J]
-    Vec3<double> weight{0, 0, 0};    ///< [N]
+    Vec3<double> velocity_before{0, 0, 0}, momentum_before{0, 0, 0};        ///< of the step's start: linear, angular
+    Vec3<double> velocity_unbounced{0, 0, 0}, momentum_unbounced{0, 0, 0};  ///< of its end, before bounces
+    double kinetic = 0;                                                     ///< energy, when the step began [J]
+    Vec3<double> weight{0, 0, 0};                                           ///< [N]
     double gain = 0, supported = 0;  ///< energy that contacts gave it in this step, and what they may have given [J]
     double load = 0;                 ///< sum of the forces of contacts [N]
     double undone = 0;               ///< of its overlaps with objects in this step, the most [m]
@@ -35,6 +37,7 @@ struct Island {
     bool following = false;
     bool soft = false;        ///< some lane is near a soft object
     bool recovers = false;    ///< scratch: an overlap has been undone in it
+    bool driven = false;      ///< scratch: something that moves by a track may touch its bodies
     bool slow = false;        ///< a kept matrix has led it hardly nearer to the solution (kept_matrix.h)
     bool coupling = false;    ///< scratch: its coupled direction is being found
     bool linear = false;      ///< some lane has linear tissue

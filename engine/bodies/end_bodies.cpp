@@ -15,128 +15,6 @@ namespace {
 
 using Work = BodyWork;
 
-/// Velocity of an object's point at the end of the step [m/s].
-Vec3<double> point_velocity(const Work& w, const ContactBody& o, const Vec3<double>& point) {
-    if (o.body < 0) return (1 / w.solver.dt) * (o.pose.position - o.start.position);
-    const RigidBody& body = w.bodies[o.body];
-    return body.velocity + cross(angular_velocity(body, o.pose.rotation), point - o.centre);
-}
-
-/// What an impulse between two objects meets at a contact.
-struct Blow {
-    Vec3<double> normal, point;
-    double speed;  ///< at which the objects part there [m/s]
-    double give;   ///< change of that speed by a unit impulse [1/kg]
-};
-Blow blow_at(const Work& w, const BodyPair& p, const FeatureContact& c) {
-    const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
-    Blow out{rotation_matrix(b.pose.rotation) * c.normal_now, a.centre + c.terms[0].arm_of_a, 0, 0};
-    out.speed = dot(point_velocity(w, a, out.point) - point_velocity(w, b, out.point), out.normal);
-    for (const ContactBody* o : {&a, &b}) {
-        if (o->body < 0) continue;
-        RigidBody turned = w.bodies[o->body];
-        const Vec3<double> arm = out.point - o->centre;
-        turned.angular_momentum = cross(arm, out.normal);
-        out.give += 1 / turned.mass + dot(cross(angular_velocity(turned, o->pose.rotation), arm), out.normal);
-    }
-    return out;
-}
-
-/// Pushes the two objects of a pair apart at a contact.
-void push_apart(Work& w, const BodyPair& p, const Blow& at, double impulse) {
-    for (auto [object, sign] : {std::pair{p.a, 1.0}, std::pair{p.b, -1.0}}) {
-        const ContactBody& o = w.s.objects[object];
-        if (o.body < 0) continue;
-        RigidBody& body = w.bodies[o.body];
-        body.velocity += (sign * impulse / body.mass) * at.normal;
-        body.angular_momentum += cross(at.point - o.centre, (sign * impulse) * at.normal);
-    }
-}
-
-bool is_recovering(const BodyPair& p) {
-    return p.a >= 0 && std::any_of(p.contacts.begin(), p.contacts.end(),
-                                   [](const FeatureContact& c) { return c.undone > 0 && c.normal_multiplier > 0; });
-}
-
-/// Whether the motion of a contact out of an overlap is to be braked: of one that pushes, and where the solve has ended
-/// early, also of one that has been thrown too far to push any more. What such a motion pushes in its turn goes no
-/// faster.
-bool is_braked(Work& w, const BodyPair& p, const FeatureContact& c) {
-    if (c.normal_multiplier > 0) return true;
-    return c.undone > 0 && !island_of_pair(w, p).progress.converged;
-}
-
-/// The motion that undid overlaps is no velocity: takes its share of the speed at which objects part away again, by
-/// impulses that pull (projected Gauss-Seidel; the nearest velocities, by kinetic energy, that part no faster, so that
-/// none is gained).
-void brake_recovery(Work& w) {
-    if (!w.solver.inertia) return;
-    auto for_each_recovering = [&](auto visit) {
-        for (BodyPair& p : w.s.pairs)
-            if (p.a >= 0 && island_of_pair(w, p).recovers)
-                for (FeatureContact& c : p.contacts)
-                    if (is_braked(w, p, c)) visit(p, c, blow_at(w, p, c));
-    };
-    bool any = false;
-    for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].recovers = false;
-    for (const BodyPair& p : w.s.pairs)
-        if (p.a >= 0)
-            for (const FeatureContact& c : p.contacts)
-                if (c.undone > 0 && is_braked(w, p, c)) island_of_pair(w, p).recovers = any = true;
-    if (!any) return;
-    for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
-        c.brake = 0;
-        c.parting = std::max(0.0, at.speed - c.undone / w.solver.dt);
-        // Where a solve ends early, overlaps that contradict each other have thrown what was to be taken out of them.
-        if (c.undone > 0 && !island_of_pair(w, p).progress.converged)
-            c.parting = std::min(c.parting, std::max(0.0, -c.approach));
-    });
-    for (int sweep = 0; sweep < 30; ++sweep)
-        for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow& at) {
-            const double brake = std::min(0.0, c.brake + (c.parting - at.speed) / at.give);
-            push_apart(w, p, at, brake - c.brake);
-            c.brake = brake;
-        });
-}
-
-double restitution_of(const Work& w, const BodyPair& p) {
-    double restitution = 0;
-    if (p.a < 0) return restitution;
-    for (int object : {p.a, p.b})
-        if (w.s.objects[object].body >= 0)
-            restitution = std::max(restitution, w.bodies[w.s.objects[object].body].restitution);
-    return restitution;
-}
-
-bool bounces(const FeatureContact& c) { return c.normal_multiplier > 0 && c.approach >= 0.05; }
-
-/// Bounces: gives bodies back a share of the speed at which they met, by impulses that push (projected Gauss-Seidel:
-/// the nearest velocities, by kinetic energy, that part so fast. Sums of impulses, not each addition, push: velocities
-/// are then the same in whatever order contacts come).
-void bounce(Work& w) {
-    constexpr int most_sweeps = 200;
-    constexpr double settled = 1e-7;  // [m/s]
-    for (BodyPair& p : w.s.pairs)
-        if (restitution_of(w, p) > 0)
-            for (FeatureContact& c : p.contacts) c.bounce = 0;
-    double change = 1;
-    for (int sweep = 0; sweep < most_sweeps && change > settled; ++sweep) {
-        change = 0;
-        for (BodyPair& p : w.s.pairs) {
-            const double restitution = restitution_of(w, p);
-            if (restitution <= 0) continue;
-            for (FeatureContact& c : p.contacts) {
-                if (!bounces(c)) continue;
-                const Blow at = blow_at(w, p, c);
-                const double impulse = std::max(0.0, c.bounce + (restitution * c.approach - at.speed) / at.give);
-                change = std::max(change, std::abs(impulse - c.bounce) * at.give);
-                push_apart(w, p, at, impulse - c.bounce);
-                c.bounce = impulse;
-            }
-        }
-    }
-}
-
 /// Lanes of a failed island: those that are not finite; where all are, the fault is a body's.
 unsigned failed_lanes(const Work& w, int coupled) {
     unsigned failed = 0;
@@ -198,6 +76,7 @@ void end_bodies(Work& w) {
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[shape.body];
         BodyProgress& b = w.s.bodies[shape.body];
+        b.velocity_before = body.velocity, b.momentum_before = body.angular_momentum;
         if (body.asleep) {
             body.iterations = 0;
             continue;

@@ -94,6 +94,8 @@ inline constexpr double no_result = 1;
 /// And those that miss it by so many times are no load to begin the next step with (a tower of nine bodies that falls
 /// in steps of 20 ms: 1e33 N after three steps; grasps with few iterations miss by 1 to 3 times).
 inline constexpr double no_load = 10;
+/// What meets more slowly does not bounce [m/s].
+inline constexpr double least_bounce = 0.05;
 /// A body that comes out of an overlap may rise by so many times what is undone, at so many times the speed of recovery
 /// (`Crowd`: bodies that turn about a corner; one pressed between two things that leave it no room flew off at 4.5
 /// m/s).

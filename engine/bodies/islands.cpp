@@ -63,7 +63,7 @@ Vec3<double> point_velocity(const BodyWork& w, const BodyPair& p, const Vec3<dou
     Vec3<double> v{0, 0, 0};
     for (auto [object, sign] : {std::pair{&a, 1.0}, std::pair{&b, -1.0}}) {
         if (object->body < 0) {
-            v += (sign / w.solver.dt) * (object->pose.position - object->start.position);
+            v += (sign / w.solver.dt) * (transform(object->pose, inverse_transform(object->start, point)) - point);
             continue;
         }
         const RigidBody& body = w.bodies[object->body];

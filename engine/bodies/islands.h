@@ -105,6 +105,20 @@ bool misses_what_acted(const RigidBody& body, const BodyProgress& progress, doub
 /// step takes a body past something round, the force at the end of its way lies along that way, and works.
 void brake_gains(BodyWork& work);
 
+/// Whether an overlap of a pair has been undone in this step.
+bool is_recovering(const BodyPair& pair);
+
+/// The motion that undid overlaps is no velocity: takes its share of the speed at which objects part away again, by
+/// impulses that pull (projected Gauss-Seidel; the nearest velocities, by kinetic energy, that part no faster, so that
+/// none is gained).
+void brake_recovery(BodyWork& work);
+
+/// Bounces: gives bodies back a share of the speed at which they met, by impulses that push (projected Gauss-Seidel:
+/// the nearest velocities, by kinetic energy, that part so fast. Sums of impulses, not each addition, push: velocities
+/// are then the same in whatever order contacts come), and that rub by Coulomb's law: a step's own contact takes but
+/// the part of the blow that was left when they met.
+void bounce(BodyWork& work);
+
 /// Takes over where the solve has brought lanes and bodies: velocities and statuses; bounces; puts bodies to sleep.
 void end_body_step(BodyWork& work);
 
