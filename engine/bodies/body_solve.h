@@ -22,6 +22,7 @@ struct BodyProgress {
     Vec3<double> weight{0, 0, 0};                                           ///< [N]
     double gain = 0, supported = 0;  ///< energy that contacts gave it in this step, and what they may have given [J]
     double load = 0;                 ///< sum of the forces of contacts [N]
+    double worked = 0;               ///< sum of what contacts gave and took [J]
     double undone = 0;               ///< of its overlaps with objects in this step, the most [m]
     Vec3<double> carried{0, 0, 0};   ///< way of what they belong to, times those forces [m N]
     int island = -1, row = 0;        ///< row: of its 6 unknowns in the island's matrix

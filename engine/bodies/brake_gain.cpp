@@ -43,6 +43,7 @@ Mat3<double> half_back(const BodyProgress& b) {
 /// A contact force on a body, as it was half way through the step, of what has moved by `way`.
 void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& way) {
     b.supported += dot(force, way);
+    b.worked += std::abs(dot(force, way));
     b.load += norm(force);
     b.carried += norm(force) * way;
 }
@@ -151,7 +152,7 @@ void brake_gains(BodyWork& w) {
     };
     for_each_gaining([&](RigidBody& body, BodyProgress& b, int row) {
         b.gain = kinetic_energy(body, b.pose.rotation) - b.kinetic - dot(b.weight, b.pose.position - b.start.position);
-        b.supported = b.load = b.undone = 0;
+        b.supported = b.worked = b.load = b.undone = 0;
         b.carried = {0, 0, 0};
         any |= gains(w, b, row);
     });
@@ -164,7 +165,7 @@ void brake_gains(BodyWork& w) {
             b.carried = {0, 0, 0};  // nor does it go along with what it touched
         }
         const double excess = b.gain - std::max(0.0, b.supported) - recovery(w, body, b);
-        if (excess <= uncertainty(body, b)) return;
+        if (excess <= uncertainty(body, b) + fitted::work_share * b.worked) return;
         const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};
         const Vec3<double> speed = body.velocity - along;
         const double energy =

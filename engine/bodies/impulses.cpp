@@ -12,6 +12,10 @@ namespace {
 
 using Work = BodyWork;
 
+/// Projected Gauss-Seidel: most sweeps over contacts, and the change of speeds at which it ends [m/s].
+constexpr int most_sweeps = 200;
+constexpr double settled = 1e-7;
+
 /// A contact at the end of the step, as impulses see it.
 struct Blow {
     const ContactBody *a, *b;
@@ -213,17 +217,20 @@ void brake_recovery(BodyWork& w) {
         if (c.undone > 0 && !island_of_pair(w, p).progress.converged)
             c.parting = std::min(c.parting, std::max(0.0, -c.approach));
     });
-    for (int sweep = 0; sweep < 30; ++sweep)
+    double change = 1;
+    for (int sweep = 0; sweep < most_sweeps && change > settled; ++sweep) {
+        change = 0;
         for_each_recovering([&](BodyPair&, FeatureContact& c, const Blow& at, double speed) {
-            const double brake = std::min(0.0, c.brake + (c.parting - speed) / give_along(w, at, at.normal));
+            const double give = give_along(w, at, at.normal);
+            const double brake = std::min(0.0, c.brake + (c.parting - speed) / give);
+            change = std::max(change, std::abs(brake - c.brake) * give);
             push(w, at, (brake - c.brake) * at.normal);
             c.brake = brake;
         });
+    }
 }
 
 void bounce(BodyWork& w) {
-    constexpr int most_sweeps = 200;
-    constexpr double settled = 1e-7;  // [m/s]
     if (!begin_bounces(w)) return;
     for (std::size_t row = 0; row < w.bodies.size(); ++row) {
         BodyProgress& b = w.s.bodies[row];

@@ -241,7 +241,9 @@ double lifted_by_overlaps(const Watched& v) {
     double mass = 0, deep = 0;
     for (const RigidBody& b : v.s.world.bodies) mass += b.mass;
     for (const PairOverlap& o : v.overlaps) deep += o.deepest > overlap_allowed(v.s.world) ? o.deepest : 0;
-    return mass * norm(v.s.world.gravity) * deep;
+    // What parts goes at the speed of recovery, or twice that where it turns about a corner or leaves two overlaps.
+    const double speed = deep > 0 ? 2 * v.s.world.solver.recovery_speed : 0;
+    return mass * (norm(v.s.world.gravity) * deep + 0.5 * speed * speed);
 }
 
 void check_drops(const Simulation& s, Findings& found) {
