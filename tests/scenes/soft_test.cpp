@@ -130,6 +130,25 @@ TEST(Soft, APressComesToRestWithFewIterations) {
     EXPECT_NEAR(s.world.contact_surfaces[0].normal_force, 0.323, 0.01);
 }
 
+/// Every preset, one iteration a step included, bears what the reference bears: multipliers taken from steps out of
+/// balance once made 41 N of the 0.7 N of a finger at rest, and grew while nothing moved.
+TEST(Soft, EveryPresetBearsTheSame) {
+    for (const char* preset : {"fast", "balanced", "accurate", "reference"}) {
+        Simulation s =
+            load(std::string("duration_s = 0.8\n[solver]\npreset = \"") + preset +
+                 "\"\n[[object]]\nname = \"box\"\nkind = \"box\"\nsize_mm = [50, 50, 20]\nposition_mm = [0, 0, -10]\n"
+                 "soft = { young_kPa = 10, elements = 500, fixed = \"bottom\" }\n[[finger]]\nname = \"f\"\n"
+                 "finger = \"index-median\"\ntrack = [ { t_s = 0, position_mm = [0, 0, 9] }, "
+                 "{ t_s = 0.3, position_mm = [0, 0, 4] } ]\n");
+        for (int k = 0; k < 160; ++k) {
+            advance(s);
+            if (k > 80) {
+                EXPECT_NEAR(s.world.contact_surfaces[0].normal_force, 0.7034, 0.02) << preset << ", step " << k;
+            }
+        }
+    }
+}
+
 TEST(Soft, ATableSaysWhatBecameOfIt) {
     Simulation s = load(slab());
     double most = 0;

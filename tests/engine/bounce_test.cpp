@@ -1,0 +1,155 @@
+// Blows with restitution and friction against closed forms, wherever within a step they fall.
+
+#include <random>
+
+#include "engine/bodies/body_contact.h"
+#include "tests/engine/lab.h"
+
+namespace palpate {
+namespace {
+
+using namespace testing;
+
+/// No weight, no sleep.
+SceneSpec afloat(double dt) {
+    SceneSpec spec;
+    spec.solver.dt = dt;
+    spec.solver.sleep_speed = 0;
+    spec.gravity = {0, 0, 0};
+    return spec;
+}
+ObjectSpec flying(double mass, const Vec3<double>& from, const Vec3<double>& velocity, double restitution,
+                  double friction) {
+    ObjectSpec o = body(testing::ball, mass, from, friction);
+    o.body->velocity = velocity;
+    o.body->restitution = restitution;
+    return o;
+}
+
+/// A ball that meets a wall obliquely loses (1 + e) mu of its speed along it for each of its speed towards it, and no
+/// more than rolling takes: 2/7 (without spin before). The step's own contact takes but what is left of the blow.
+TEST(Bounce, RubsByCoulombsLawWhereverInAStepItMeets) {
+    for (double dt : {1e-3, 5e-3})
+        for (double friction : {0.1, 0.2, 1.0})
+            for (double restitution : {0.4, 0.8})
+                for (double phase : {0.02, 0.3, 0.5, 0.7, 0.98}) {
+                    SceneSpec spec = afloat(dt);
+                    spec.objects = {{"wall", {ShapeKind::box, {0.2, 0.2, 0.1}}, {{0, 0, -0.1}, upright}, friction},
+                                    flying(0.02, {-0.06, 0, 0.01 + (40 + phase) * 1e-3 * dt / 1e-3}, {1, 0, -1},
+                                           restitution, friction)};
+                    Lab lab(spec);
+                    Vec3<double> impulse{0, 0, 0};
+                    for (int k = 0; k < int(0.3 / dt); ++k) {
+                        lab.run(dt);
+                        impulse += dt * lab.world.bodies[0].contact_force;
+                    }
+                    const Vec3<double> v = lab.world.bodies[0].velocity;
+                    const auto where = ::testing::Message() << 1e3 * dt << " ms, " << friction << ", " << phase;
+                    const double lost = std::min(friction * (1 + restitution), 2.0 / 7);
+                    EXPECT_NEAR(v.z, restitution, 1e-6) << where;
+                    EXPECT_NEAR(v.x, 1 - lost, 0.015) << where;
+                    // And it is a force of contact.
+                    EXPECT_LT(norm(impulse - 0.02 * (v - Vec3<double>{1, 0, -1})), 1e-6) << where;
+                }
+}
+
+/// Of two balls alike and smooth, what is along the line of their middles is exchanged, by a share of (1 + e) / 2.
+TEST(Bounce, BallsThatMeetObliquelyGainNothing) {
+    for (double dt : {1e-3, 5e-3, 10e-3})
+        for (double restitution : {0.5, 0.8, 1.0})
+            for (double offset : {0.0, 0.005, 0.01, 0.015})
+                for (double start : {-0.05, -0.0523, -0.0547}) {
+                    SceneSpec spec = afloat(dt);
+                    spec.objects = {flying(0.05, {start, 0, 0}, {1, 0, 0}, restitution, 0),
+                                    flying(0.05, {0, offset, 0}, {0, 0, 0}, restitution, 0)};
+                    Lab lab(spec);
+                    lab.run(0.12);
+                    const Vec3<double> a = lab.world.bodies[0].velocity, b = lab.world.bodies[1].velocity;
+                    const double energy = dot(a, a) + dot(b, b), along = 1 - std::pow(offset / 0.02, 2);
+                    const double right = 1 - 0.5 * (1 - restitution * restitution) * along;
+                    const auto where = ::testing::Message() << 1e3 * dt << " ms, e " << restitution << ", " << offset;
+                    EXPECT_LT(norm(a + b - Vec3<double>{1, 0, 0}), 1e-9) << where;
+                    // At most what was there; where the step has turned the line of middles, less is lost.
+                    EXPECT_LT(energy, 1 + 2e-3) << where;
+                    if (restitution == 1) { EXPECT_GT(energy, 1 - 1e-6) << where; }
+                    if (dt < 2e-3) {
+                        EXPECT_NEAR(energy, right, 0.02) << where;
+                        EXPECT_NEAR(b.x, 0.5 * (1 + restitution) * along, 0.05) << where;
+                    }
+                }
+}
+
+TEST(Bounce, AGasOfBallsKeepsItsEnergy) {
+    for (double dt : {1e-3, 5e-3}) {
+        SceneSpec spec = afloat(dt);
+        for (int axis = 0; axis < 3; ++axis)
+            for (double side : {-1.0, 1.0}) {
+                Vec3<double> at{0, 0, 0}, half{0.1, 0.1, 0.1};
+                at[axis] = side * 0.06, half[axis] = 0.02;
+                spec.objects.push_back({"wall", {ShapeKind::box, half}, {at, upright}, 0});
+            }
+        std::mt19937 random(7);
+        std::uniform_real_distribution<double> any(-0.5, 0.5);
+        for (int k = 0; k < 8; ++k) {
+            const Vec3<double> corner{k & 1 ? 0.015 : -0.015, k & 2 ? 0.015 : -0.015, k & 4 ? 0.015 : -0.015};
+            spec.objects.push_back(flying(0.02, corner, {any(random), any(random), any(random)}, 1, 0));
+        }
+        Lab lab(spec);
+        auto energy = [&] {
+            double sum = 0;
+            for (std::size_t k = 0; k < 8; ++k)
+                sum += kinetic_energy(lab.world.bodies[k], lab.world.shapes[6 + k].pose.rotation);
+            return sum;
+        };
+        const double before = energy();
+        for (int k = 0; k < int(1.0 / dt); ++k) {
+            lab.run(dt);
+            ASSERT_LT(energy(), before * 1.01) << 1e3 * dt << " ms, step " << k;
+        }
+        EXPECT_GT(energy(), 0.7 * before) << 1e3 * dt;
+    }
+}
+
+/// A bat that turns by a track meets with its own speed there, too.
+TEST(Bounce, OffABatThatTurns) {
+    for (double dt : {1e-3, 5e-3})
+        for (double restitution : {0.0, 0.5, 1.0})
+            for (double towards : {0.0, 1.0}) {
+                SceneSpec spec = afloat(dt);
+                const double spin = 5, arm = 0.15;  // the bat turns about z, its face along x
+                spec.objects = {{"bat", {ShapeKind::box, {0.2, 0.005, 0.02}}, Pose<double>::identity(), 0},
+                                flying(0.02, {arm, 0.0151 + towards * 0.02, 0}, {0, -towards, 0}, restitution, 0)};
+                Lab lab(spec);
+                lab.run(0.06, [&](double time, World& w) {
+                    const double angle = std::min(spin * time, 0.15) / 2;
+                    w.shapes[0].pose = {{0, 0, 0}, {std::cos(angle), 0, 0, std::sin(angle)}};
+                });
+                const Vec3<double> v = lab.world.bodies[0].velocity;
+                const double bat = spin * arm, right = bat + restitution * (bat + towards);
+                EXPECT_NEAR(norm(v), right, 0.06 * right)
+                    << 1e3 * dt << " ms, e " << restitution << ", towards it at " << towards;
+            }
+}
+
+/// A box that a fixed one overlaps from above has no room on its plane, and is not shot aside.
+TEST(Crowd, WhatHasNoRoomIsNotThrown) {
+    for (double dt : {1e-3, 5e-3, 10e-3})
+        for (double turned : {0.0, 0.1, 0.5}) {
+            SceneSpec spec;
+            spec.solver.dt = dt;
+            spec.objects = {
+                {"ground", {ShapeKind::plane, {}}, Pose<double>::identity(), 0.37},
+                body({ShapeKind::box, {0.0073, 0.0095, 0.0114}}, 0.005, {0.0028, 0, 0.0114}),
+                {"lid", {ShapeKind::box, {0.0073, 0.0113, 0.0072}}, {{0.0027, 0, 0.0282}, about_x(turned)}, 0.5}};
+            Lab lab(spec);
+            double fastest = 0;
+            for (int k = 0; k < int(0.3 / dt); ++k) {
+                lab.run(dt);
+                fastest = std::max(fastest, norm(lab.world.bodies[0].velocity));
+            }
+            EXPECT_LT(fastest, 0.4) << 1e3 * dt << " ms, " << turned;
+        }
+}
+
+}  // namespace
+}  // namespace palpate
