@@ -25,6 +25,7 @@ struct BodyProgress {
     double worked = 0;               ///< sum of what contacts gave and took [J]
     double undone = 0;               ///< of its overlaps with objects in this step, the most [m]
     Vec3<double> carried{0, 0, 0};   ///< way of what they belong to, times those forces [m N]
+    bool flies = false;              ///< near nothing in this step
     int island = -1, row = 0;        ///< row: of its 6 unknowns in the island's matrix
 };
 

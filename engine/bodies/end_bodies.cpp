@@ -96,6 +96,7 @@ void end_bodies(Work& w) {
                 b.gradient.head<3>().norm() <= std::max(share * contact.head<3>().norm(), fitted::own_rounding);
             const Vec3<double> before = body.velocity;
             body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * way;
+            if (b.flies) body.velocity += (0.5 * w.solver.dt / body.mass) * b.weight;
             body.acceleration = (1 / w.solver.dt) * (body.velocity - before);
             for (int k = 0; k < 3; ++k) {
                 body.contact_force[k] = contact[k];

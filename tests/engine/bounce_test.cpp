@@ -131,6 +131,43 @@ TEST(Bounce, OffABatThatTurns) {
             }
 }
 
+/// Nothing near, a thrown ball is where its parabola is, at any step.
+TEST(Flight, IsAParabolaAtAnyStep) {
+    for (double dt : {1e-3, 5e-3, 20e-3}) {
+        SceneSpec spec = afloat(dt);
+        spec.gravity = {0, 0, -g};
+        spec.objects = {flying(0.02, {0, 0, 0}, {0.4, -0.2, 1.5}, 0, 0.5)};
+        Lab lab(spec);
+        lab.run(0.4);
+        EXPECT_LT(norm(lab.world.shapes[0].pose.position - Vec3<double>{0.16, -0.08, 0.6 - 0.5 * g * 0.16}), 1e-9)
+            << 1e3 * dt;
+        EXPECT_LT(norm(lab.world.bodies[0].velocity - Vec3<double>{0.4, -0.2, 1.5 - g * 0.4}), 1e-9) << 1e3 * dt;
+    }
+}
+
+/// And rises again to e^2 of where it fell from, but for what it loses in the steps near the ground.
+TEST(Bounce, RisesAsHighAsRestitutionSays) {
+    for (double dt : {1e-3, 5e-3})
+        for (double restitution : {0.5, 0.8, 1.0})
+            for (double height : {0.05, 0.1, 0.1037}) {
+                SceneSpec spec = afloat(dt);
+                spec.gravity = {0, 0, -g};
+                spec.objects = {{"ground", {ShapeKind::plane, {}}, Pose<double>::identity(), 0.5},
+                                flying(0.02, {0, 0, 0.01 + height}, {0, 0, 0}, restitution, 0.5)};
+                Lab lab(spec);
+                lab.run(std::sqrt(2 * height / g) + 3 * dt);
+                double highest = 0;
+                for (int k = 0; k < int(0.25 / dt); ++k) {
+                    lab.run(dt);
+                    highest = std::max(highest, lab.world.shapes[1].pose.position.z - 0.01);
+                }
+                const double right = restitution * restitution * height;
+                std::printf("%g ms, e %.1f, %.0f mm: %.3f of e^2 h\n", 1e3 * dt, restitution, 1e3 * height,
+                            highest / right);
+                EXPECT_NEAR(highest / right, 1, dt > 2e-3 ? 0.07 : 0.03);
+            }
+}
+
 /// A box that a fixed one overlaps from above has no room on its plane, and is not shot aside.
 TEST(Crowd, WhatHasNoRoomIsNotThrown) {
     for (double dt : {1e-3, 5e-3, 10e-3})

@@ -123,7 +123,10 @@ void check_flight(Watched& v, Findings& found) {
         const double fall = dt * norm(w.gravity),
                      left = 1.1 * std::max(fitted::unbalanced_weight * 9.81, rounded) * dt + 1e-12;
         const double speed = norm(now.velocity - before.velocity - dt * w.gravity);
-        const double way = norm(now.centre.position - before.centre.position - dt * now.velocity);
+        // Near what it may touch as implicit Euler says, elsewhere along its parabola.
+        const Vec3<double> moved = now.centre.position - before.centre.position;
+        const double way =
+            std::min(norm(moved - dt * now.velocity), norm(moved - (0.5 * dt) * (now.velocity + before.velocity)));
         const double spin = norm(now.angular_momentum - before.angular_momentum);
         const std::string& name = w.shapes[std::size_t(now.object)].name;
         if (speed > left + 1e-9 * fall || way > dt * left + 1e-9 * (norm(now.centre.position) + 1e-3))
