@@ -113,9 +113,10 @@ void tell_doubts(DoubtTeller& doubts, const Simulation& simulation, Progress& pr
     }
 }
 
-/// What thimbles went through, and where they are now: whatever becomes of the results.
-void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, const DeadMan* dead_man, bool stopped) {
-    if (!simulation.hardware) return;
+/// What thimbles went through, and where they are now: whatever becomes of the results. False: of some nobody knows that
+/// they are in their rest pose (a fault that latched, a board that is gone).
+bool tell_of_thimbles(const RunArguments& a, const Simulation& simulation, const DeadMan* dead_man, bool stopped) {
+    if (!simulation.hardware) return true;
     if (!a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
     if (dead_man && dead_man->counts.held == 0)
         std::fprintf(stderr, "%s", hold_report(*dead_man).c_str());  // the run was for nothing: that is always said
@@ -124,6 +125,7 @@ void tell_of_thimbles(const RunArguments& a, const Simulation& simulation, const
     bool at_rest = true;
     const std::string rest = rest_report(simulation, at_rest);
     if (!at_rest || stopped || !a.quiet) std::fprintf(stderr, "%s", rest.c_str());
+    return at_rest;
 }
 
 /// The arguments' own overrides after those of the user.
@@ -250,7 +252,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         });
     progress.clear();
     const bool stream_failed = stream && !end_stream(a, *stream);
-    tell_of_thimbles(a, simulation, dead_man.get(), stop);
+    const bool at_rest = tell_of_thimbles(a, simulation, dead_man.get(), stop);
     const bool record_failed = record && !end_recording(*record);
     const Summary summary = summarise(simulation);
     if (pads_failure) std::rethrow_exception(pads_failure);
@@ -267,7 +269,7 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
         if (!a.quiet && !a.json) std::printf("%s\n", said.c_str());
     }
     if (stop) std::fprintf(stderr, "stopped early at %.3f s\n", simulation.world.time);
-    return stop ? 130 : record_failed || stream_failed ? 1 : 0;
+    return stop ? 130 : record_failed || stream_failed || !at_rest ? 1 : 0;
 }
 
 }  // namespace

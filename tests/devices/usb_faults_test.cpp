@@ -276,7 +276,10 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
                                     "stall@150 --fault stall@151 --fault stall@152 --fault "
                                     "stall@153 --fault stall@154 --fault stall@155"}) {
         const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.2)));
-        EXPECT_EQ(o.code, 0) << fault << o.out;
+        // What hangs or is unplugged is nowhere that anybody knows; what stalls may be spoken to again.
+        const bool lost = o.out.find("is not known to be in its rest pose") != std::string::npos;
+        EXPECT_EQ(o.code, lost ? 1 : 0) << fault << o.out;
+        EXPECT_TRUE(lost || fault[0] == 's') << fault << o.out;
         expect_safe(events());
         if (fault[0] != 's') {
             EXPECT_SAYS(o, " 5 faults");
@@ -285,7 +288,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
     }
     for (const std::string fault : {"sticky@150", "deaf@150", "bite@150", "unread@150", "race@150"}) {
         const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.5)));
-        EXPECT_EQ(o.code, 0) << fault << o.out;
+        EXPECT_EQ(o.code, 1) << fault << o.out;
         expect_safe(events());
         EXPECT_SAYS(o, " 5 faults");
         EXPECT_SAYS(o, "is not known to be in its rest pose");
@@ -307,7 +310,8 @@ TEST_F(Usb, AnySequenceOfFaultsStaysSafe) {
     for (int seed = 1; seed <= runs; ++seed) {
         const Outcome o =
             emulate("--random-faults " + std::to_string(seed) + " --replug-ms 100" + logged(), run_command(file));
-        EXPECT_TRUE(o.code == 0 || o.code == 2) << "seed " << seed << ": " << o.code << "\n" << o.out;
+        const bool lost = o.out.find("is not known to be in its rest pose") != std::string::npos;
+        EXPECT_TRUE(o.code == 2 || o.code == (lost ? 1 : 0)) << "seed " << seed << ": " << o.code << "\n" << o.out;
         expect_safe(events());
         expect_latched(events(), 1);
         expect_true_words(o, 15);
