@@ -5,6 +5,7 @@
 
 #include "engine/bodies/fitted.h"
 #include "engine/contact/sides.h"
+#include "engine/math/svd3.h"
 
 namespace palpate {
 
@@ -111,6 +112,11 @@ Touch touch_of(const Feature& f, const Pose<double>& a, const FeatureContact& c,
     Touch out{middle, surface_at(c, shape, b, middle, side)};
     if (f.radius <= 0) return out;
     const Vec3<double> n = (1 / std::max(norm(out.surface.normal), 1e-6)) * out.surface.normal;
+    if (dot(c.rim, c.rim) > 0) {
+        out.point = middle + rotation_matrix(a.rotation) * c.rim;
+        out.surface = surface_at(c, shape, b, out.point, side);
+        return out;
+    }
     if (dot(f.axis, f.axis) > 0) {
         const Vec3<double> axis = rotation_matrix(a.rotation) * f.axis, across = n - dot(n, axis) * axis;
         const double tilt = norm(across), least = std::min(tilt, c.blunt);
@@ -166,6 +172,36 @@ double deepest_place(const Feature& f, const FeatureContact& c, const Pose<doubl
     const double found = 0.5 * (low + high);
     const bool is_near = std::abs(found - c.place) * norm(f.along) < edge_follows;
     return is_near || distance(found) < here - edge_depth ? found : c.place;
+}
+
+/// Where a mesh's smooth field waves under a disc that is nearly upright on it, the normal at its middle does not tell
+/// which point of its rim is deepest, and energies would not be what forces say: that is looked for here, and is one
+/// point of the body for all of the step; in the next the same one, unless another is deeper by more than waves are.
+void set_rim(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c) {
+    using namespace fitted;
+    const Vec3<double> before = c.rim;
+    c.rim = {0, 0, 0};
+    if (dot(f.axis, f.axis) <= 0 || b.shape->kind != ShapeKind::mesh) return;
+    const Mat3<double> R = rotation_matrix(a.pose.rotation);
+    const Vec3<double> middle = transform(a.pose, f.point + c.place * f.along);
+    auto at = [&](const Vec3<double>& rim) { return surface_point(*b.shape, b.pose, middle + R * rim); };
+    const SurfacePoint<double> there = at({0, 0, 0});
+    const Vec3<double> axis = R * f.axis;
+    const double tilt = norm(there.normal - dot(there.normal, axis) * axis);
+    if (tilt > most_blunt || there.distance > f.radius * most_blunt + near_gap) return;
+    const Vec3<double> u = detail::any_orthogonal(f.axis), v = cross(f.axis, u);
+    double least = HUGE_VAL, waves = 0;
+    Vec3<double> deepest{0, 0, 0};
+    for (int i = 0; i < rim_samples; ++i) {
+        const double angle = 2 * M_PI * i / rim_samples;
+        const Vec3<double> rim = f.radius * (std::cos(angle) * u + std::sin(angle) * v);
+        const SurfacePoint<double> point = at(rim);
+        if (point.distance < least) least = point.distance, deepest = rim;
+        if (dot(point.normal, there.normal) > same_face) waves = std::max(waves, norm(point.normal - there.normal));
+    }
+    if (steady_tilt * waves < std::max(tilt, c.blunt)) return;
+    const bool stays = dot(before, before) > 0 && at(before).distance < least + edge_depth + waves * f.radius;
+    c.rim = stays ? before : deepest;
 }
 
 /// What touches in a step, and how it slips along the way that bodies would take without each other: where a ball
@@ -286,6 +322,7 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
         const Vec3<double> middle = inverse_transform(b.start, transform(a.start, point));
         const double travel = norm(inverse_transform(b.pose, transform(a.pose, point)) - middle);
         c.side = side_in_step(*b.shape, middle, c.side, travel);
+        set_rim(features[i], a, b, c);
         stop_at_first_face(features[i], a, b, c, travel, Within::must_be);
         touch_in_step(features[i], a, b, c);
     }
@@ -350,7 +387,7 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         if (c.undone <= 0) continue;
-        c.way = best.way, c.reach = best.reach;
+        c.way = best.way, c.reach = best.reach, c.rim = {0, 0, 0};
         touch_in_step(features[i], a, b, c);
     }
     return true;

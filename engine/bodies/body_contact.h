@@ -56,6 +56,7 @@ struct FeatureContact {
     int side = 0;                                           ///< of b that it is on (sided_point)
     double place = 0;               ///< on an edge: `point` plus so many times `along`, for the whole step
     double blunt = 1e-6;            ///< tilt below which a disc's deepest point is between its middle and its rim [rad]
+    Vec3<double> rim{0, 0, 0};      ///< from a disc's middle to its point of the step, a's frame (set_rim); or zero [m]
     Vec3<double> way{0, 0, 0};      ///< b's frame: the face that it leaves b by (find_way_out); zero: the nearest
     double reach = 0;               ///< of b along that way [m]
     Vec3<double> face{0, 0, 0};     ///< of b, world, that a fast feature meets first (stop_at_first_face); or zero
@@ -85,7 +86,7 @@ struct Touch {
 };
 /// A ball's distance is that of its middle less its radius, which has a gradient at edges, too. The rim of a disc that
 /// stands nearly upright has no one deepest point: below the tilt `blunt` it moves in to the middle, as the depth that
-/// goes with it does (Huber's function).
+/// goes with it does (Huber's function). Where that is no rule, it has one point for all of a step (`rim`).
 Touch touch_of(const Feature& feature, const Pose<double>& a, const FeatureContact& contact, const Shape& shape,
                const Pose<double>& b, int side);
 

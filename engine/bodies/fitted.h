@@ -28,6 +28,10 @@ inline constexpr int edge_sections = 24;
 /// A disc is blunt below the tilt at which its rim would be so many times deeper than the contact gives way under its
 /// load; within these bounds [rad] (`Bodies.ACylinderThatComesToStand*`).
 inline constexpr double blunt_per_give = 4, least_blunt = 1e-6, most_blunt = 0.05;
+/// And the normal at its middle tells its deepest point where its tilt is so many times what a mesh's normals differ by
+/// under it; else the deepest of so many points of its rim does (`MeshObject.ACylinderStandsOnTriangles`).
+inline constexpr double steady_tilt = 1e5;
+inline constexpr int rim_samples = 12;
 /// Points that go round by nearly half a revolution in a step slip as ones that go by twice this [rad].
 inline constexpr double widest_span = 1.5;
 /// Corners are round by this [m], or a fiftieth of the smallest half edge. (With five times as much boxes on boxes tip

@@ -19,6 +19,8 @@ inline constexpr double nodal_gap = 0.65;
 inline constexpr double thin_half = 2.5e-3;
 
 // --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
+/// Rounding of the way from a point to the nearest one of a triangle some centimetres large [m].
+inline constexpr double rounded_offset = 1e-15;
 /// How far from the surface the smooth field reaches [m].
 inline constexpr double contact_band = 3e-3;
 /// How many cells thick a wall must be. What the far side takes from the field at the near side follows from the

@@ -198,6 +198,44 @@ TEST(MeshObject, ABoxOfTrianglesSlidesLikeABox) {
     }
 }
 
+/// A cylinder stands on plates of triangles, thin and thick, level and sloping across the grid of their smooth field,
+/// and is at rest there: steps converge.
+TEST(MeshObject, ACylinderStandsOnTriangles) {
+    const Shape can{ShapeKind::cylinder, {0.01, 0.01, 0}};
+    for (double slope : {0.0, 0.3})
+        for (double half : {0.004, 0.02})
+            for (double smoothing : {-1.0, 0.0}) {
+                const Quaternion<double> turn{std::cos(slope / 2), 0, std::sin(slope / 2), 0};
+                const Vec3<double> normal = rotation_matrix(turn).column(2);
+                Surface s = box_surface({0.1, 0.05, half}, 6);
+                for (Point& p : s.vertices) {
+                    const Vec3<double> x = rotation_matrix(turn) * Vec3<double>{p[0], p[1], p[2]};
+                    p = {x.x, x.y, x.z};
+                }
+                const auto mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(s, smoothing));
+                for (double dt : {1e-3, 5e-3, 20e-3}) {
+                    SceneSpec spec;
+                    spec.solver.dt = dt;
+                    ObjectSpec below{"plate", {ShapeKind::mesh, {0, 0, 0}, mesh.get()}, Pose<double>::identity(), 0.5};
+                    below.mesh = mesh;
+                    ObjectSpec o{"can", can, {(half + 0.01) * normal, turn}, 0.5};
+                    o.body = solid_body(can, 0.02);
+                    spec.objects = {below, o};
+                    World world = build_world(spec);
+                    Threads threads(1);
+                    int steps = 0, converged = 0;
+                    while (world.time < 0.3) {
+                        step(world, threads);
+                        if (world.time > 0.1) ++steps, converged += world.bodies[0].converged;
+                    }
+                    const auto where = ::testing::Message() << "slope " << slope << ", half " << half << ", smoothing "
+                                                            << smoothing << ", " << 1e3 * dt << " ms";
+                    EXPECT_GE(converged, 0.9 * steps) << where;
+                    EXPECT_NEAR(norm(world.shapes[1].pose.position - o.pose.position), 0, 3e-5) << where;
+                }
+            }
+}
+
 /// Boxes of triangles stand on each other as boxes do, however few vertices they have, and where those lie.
 TEST(MeshObject, BoxesOfTrianglesStandOnEachOther) {
     const Vec3<double> half{0.01, 0.01, 0.01};
