@@ -230,7 +230,7 @@ std::vector<MeasuredCurve> measured(const FingerModel& truth, const std::vector<
         m.angle = angle * degree;
         const IndentationCurve c = pressed({press})[0];
         for (std::size_t k = 1; k < c.points.size(); ++k)
-            m.points.push_back({press.displacements[k - 1], c.points[k].force, c.points[k].area});
+            m.points.push_back({c.points[k].displacement, c.points[k].force, c.points[k].area});
     }
     return data;
 }
@@ -257,6 +257,50 @@ TEST(Calibration, FindsWhatTheDataHold) {
     EXPECT_FALSE(c.parameters[3].determined);
     EXPECT_TRUE(c.parameters[0].determined && c.parameters[1].determined);
     for (const CurveFit& f : c.curves) EXPECT_LT(f.force_area, 0.02);
+}
+
+/// Young's modulus and lower limit of a finger, fitted to presses of it without any noise.
+void expect_the_truth(const Indentation& how, const IndentationSettings& as, double young, double low) {
+    std::vector<MeasuredCurve> data;
+    FingerModel truth = named("index-median"), start = truth;
+    const auto set = [](FingerModel& m, double young_kPa, double limit) {
+        for (const FitParameter& p : fit_parameters(m)) {
+            if (p.name == "young_kPa") p.set(m, young_kPa);
+            if (p.name == "low") p.set(m, limit);
+        }
+    };
+    set(truth, young, low), set(start, 1.4 * young, low - 0.08);
+    for (const double angle : {0.0, 30.0}) {
+        Indentation press = how;
+        press.finger = built(truth), press.angle = angle * degree;
+        MeasuredCurve& m = data.emplace_back(MeasuredCurve{press.angle, {}});
+        const IndentationCurve curve = pressed({press}, as)[0];
+        for (const IndentationPoint& p : curve.points)
+            if (p.displacement > 0) m.points.push_back({p.displacement, p.force, p.area});
+        EXPECT_GT(m.points.back().force, 4);
+    }
+    Threads threads(2);
+    const std::atomic<bool> stop{false};
+    CalibrationSettings s;
+    s.parameters = {"young_kPa", "low"}, s.starts = 1;
+    const Calibration c = calibrate(start, data, s, threads, stop, {});
+    EXPECT_LT(c.cost, 0.01);
+    const double values[] = {young, low};
+    for (std::size_t k = 0; k < 2; ++k) {
+        const FittedParameter& p = c.parameters[k];
+        EXPECT_TRUE(p.low95 <= values[k] && values[k] <= p.high95)
+            << p.name << " " << values[k] << ": " << p.low95 << " to " << p.high95;
+        EXPECT_NEAR(p.value, values[k], 2e-3 * values[k]) << p.name;
+        EXPECT_GT(p.high95 - p.low95, 1e-5 * values[k]) << p.name;
+    }
+}
+
+TEST(Calibration, FindsTheTruthInManyRowsAcrossTheKneeAtTheLimits) {
+    expect_the_truth({.finger = {}, .depth = 4e-3}, {.steps = 120, .force_limit = 6}, 15.5, 0.69);
+}
+
+TEST(Calibration, FindsTheTruthInFewRowsThatEndOnAWall) {
+    expect_the_truth({.finger = {}, .depth = 2.7e-3}, {.steps = 13}, 17, 0.7);
 }
 
 /// Fingers with 5 % of noise on force and area, fitted on three angles and judged on a fourth. More with
