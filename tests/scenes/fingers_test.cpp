@@ -395,6 +395,73 @@ TEST(FingerPresets, ModuliThatAreTooSmallOnceSoftenedAreRefusedWithTheirRange) {
     EXPECT_NE(layer.find("finger \"f\".layer: young_kPa: expected 0.00125"), std::string::npos) << layer;
 }
 
+TEST(FingerPresets, LayersThatAreTooStiffOnceLiftedAreRefusedWithTheirRange) {
+    const std::string layer =
+        "material = { young_kPa = 15500 }\n[[finger.layer]]\nthickness_mm = 1\nacross_kPa = 107000\nyoung_kPa = ";
+    const std::string stiff = refusal_of_preset(layer + "950000\n");
+    EXPECT_TRUE(stiff.starts_with("scene.toml:")) << stiff;
+    EXPECT_NE(stiff.find("finger \"f\".layer: young_kPa: expected "), std::string::npos) << stiff;
+    EXPECT_NE(stiff.find("found 950000"), std::string::npos) << stiff;
+    const std::string bound = stiff.substr(stiff.find("expected ") + 9);
+    EXPECT_EQ(refusal_of_preset(layer + bound.substr(0, bound.find(' ')) + "\n"), "");
+}
+
+TEST(FingerPresets, ASurfaceInInchesIsDoubted) {
+    testing::ScratchFolder scratch;
+    Surface finger = finger_surface(finger_shape("index"));
+    const auto warnings = [&](double per_metre) {
+        std::ofstream file(scratch.path / "scan.obj");
+        for (const Point& p : finger.vertices)
+            file << "v " << per_metre * p[0] << " " << per_metre * p[1] << " " << per_metre * p[2] << "\n";
+        for (const auto& t : finger.triangles) file << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
+        file.close();
+        return load_scene_text("duration_s = 0.1\n[[finger]]\nname = \"f\"\nmesh = { surface = \"" +
+                                   (scratch.path / "scan.obj").string() + "\", keep_frame = true }\n",
+                               "scene.toml")
+            .warnings;
+    };
+    EXPECT_TRUE(warnings(1e3).empty());
+    ASSERT_EQ(warnings(1 / 0.0254).size(), 1u);
+    EXPECT_NE(warnings(1 / 0.0254)[0].find("it looks like inches"), std::string::npos) << warnings(1 / 0.0254)[0];
+}
+
+TEST(FingerPresets, ABoneThatLeavesNoPadIsDoubted) {
+    const std::string head = "duration_s = 0.1\n[[finger]]\nname = \"f\"\nshape = { finger = \"index\" }\n";
+    EXPECT_TRUE(load_scene_text(head, "scene.toml").warnings.empty());
+    const auto warnings =
+        load_scene_text(head + "mesh = { kind = \"uniform\" }\nbone = { cut = 1 }\n", "scene.toml").warnings;
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_NE(warnings[0].find("finger \"f\".bone: so much"), std::string::npos) << warnings[0];
+}
+
+TEST(FingerCommands, FiguresOfIndentDoNotDependOnItsRows) {
+    const auto figures = [](const std::string& steps) {
+        const auto out = palpate_program("indent index-median --angle 0 --depth-mm 3 --json --out '' --steps " + steps);
+        EXPECT_EQ(out.code, 0) << out.out;
+        return nlohmann::json::parse(out.out)[0];
+    };
+    const auto fine = figures("120");
+    for (const char* steps : {"2", "5"}) {
+        const auto few = figures(steps);
+        for (const char* name : {"displacement at 1 N [mm]", "displacement at 4 N [mm]", "stiffness at 4 N over 0.5 N"})
+            EXPECT_NEAR(double(few[name]), double(fine[name]), 0.01 * double(fine[name])) << name << " " << steps;
+    }
+}
+
+TEST(FingerCommands, MeshRefusesWhatItWouldNotUse) {
+    const auto refused = [](const std::string& arguments, const std::string& says) {
+        const auto out = palpate_program("mesh " + arguments);
+        EXPECT_EQ(out.code, 2) << arguments;
+        EXPECT_NE(out.out.find(says), std::string::npos) << arguments << ": " << out.out;
+    };
+    for (const char* size : {"--length=-5", "--length=0", "--width=-3", "--thickness=-1", "--pad-bulge=-1"})
+        refused(std::string("index ") + size, "not in range");
+    const std::string egg = testing::source_dir() + "/scenes/egg.obj";
+    refused(egg + " --keep-frame --length 30", "--length: is of the built-in finger");
+    refused(egg + " --keep-frame --tip 0,1,0 --dorsal 0,0,1", "--keep-frame: ");
+    refused("index --unit mm", "--unit: is of surface files");
+}
+
 TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     testing::ScratchFolder scratch;
     const std::string at = scratch.path.string();
