@@ -41,7 +41,7 @@ struct FittedParameter {
     /// 95 % confidence interval, clipped to the bounds. Its noise is that of the residuals, at least two thousandths;
     /// rows that are off alike count as fewer.
     double low95 = 0, high95 = 0;
-    bool determined = true;        ///< false: the interval spans more than half of the bounds, or the value lies on one
+    bool determined = true;  ///< false: the interval spans more than half of the bounds, or the value lies on one
 };
 
 /// How well one press is met.
