@@ -40,23 +40,43 @@ long scan_obj(const std::filesystem::path& path, std::istream& in) {
                     refuse_file(path, where + "expected a finite coordinate, found '" + word + "'");
             }
         } else if (word == "f") {
-            long corners = 0;
+            std::vector<long> corners;
             while (words >> word) {
                 const long index = std::strtol(word.c_str(), nullptr, 10);
                 if (index == 0 || std::abs(index) > vertices)
                     refuse_file(path, where + "a face names vertex " + word + ", but only " + std::to_string(vertices) +
                                           " are defined before it");
-                ++corners;
+                corners.push_back(index > 0 ? index : vertices + 1 + index);
+                if (std::count(corners.begin(), corners.end(), corners.back()) > 1)
+                    refuse_file(path, where + "a face has vertex " + word + " twice: it has no area there");
             }
-            if (corners < 3) refuse_file(path, where + "a face needs at least three vertices (is the file truncated?)");
-            faces += corners - 2;
+            if (corners.size() < 3)
+                refuse_file(path, where + "a face needs at least three vertices (is the file truncated?)");
+            faces += long(corners.size()) - 2;
         }
     }
     return faces;
 }
 
+long scan_binary_stl(const std::filesystem::path& path, std::istream& in, std::uintmax_t size) {
+    const long faces = long((size - 84) / 50);
+    in.clear();
+    in.seekg(84);
+    for (long f = 0; f < faces; ++f) {
+        char facet[50];
+        float corners[9];
+        if (!in.read(facet, sizeof facet)) break;
+        std::memcpy(corners, facet + 12, sizeof corners);
+        for (float x : corners)
+            if (!std::isfinite(x))
+                refuse_file(path, "triangle " + std::to_string(f + 1) + " of " + std::to_string(faces) +
+                                      " has a corner that is no finite number (nan or inf)");
+    }
+    return faces;
+}
+
 long scan_stl(const std::filesystem::path& path, std::istream& in, std::uintmax_t size) {
-    if (is_binary_stl(in, size)) return long((size - 84) / 50);
+    if (is_binary_stl(in, size)) return scan_binary_stl(path, in, size);
     char head[84] = {};
     in.clear();
     in.seekg(0);

@@ -2,6 +2,7 @@
 
 #include <toml++/toml.h>
 #include <algorithm>
+#include <cmath>
 #include <sstream>
 
 #include "meshes/finger_presets.h"
@@ -348,6 +349,18 @@ void soften(FingerSpec& f, double by) {
 }
 
 }  // namespace
+
+std::string too_stiff_a_layer(const FingerModel& m, const FingerSpec& built) {
+    constexpr double highest = finger_bounds::young_modulus.high;
+    double most = 0, stiffest = 0;
+    for (double modulus : built.element_membrane) most = std::max(most, modulus);
+    for (const TissueLayer& l : m.layers) stiffest = std::max(stiffest, l.young_modulus);
+    if (most <= highest) return "";
+    return "young_kPa: expected " + number_text(std::floor(0.99 * stiffest * highest / most / kPa)) +
+           " or less, for a layer that is thinner than elements are makes those at the skin stiffer than it is, "
+           "found " +
+           number_text(stiffest / kPa);
+}
 
 FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::string& note) {
     FingerSpec f = m.spec;

@@ -51,6 +51,8 @@ std::vector<std::string> finger_preset_names();
 
 /// The finger with its mesh, its layers spread over the elements. Throws InputError.
 FingerSpec build_finger(const FingerModel& model, FingerTemplates& templates, std::string& note);
+/// What is wrong where layers lie inside their bounds, and what they make of the elements does not; empty: nothing.
+std::string too_stiff_a_layer(const FingerModel& model, const FingerSpec& built);
 /// Spreads the layers' material over the elements of spec.mesh, by volume.
 void apply_layers(const std::vector<TissueLayer>& layers, FingerSpec& spec);
 

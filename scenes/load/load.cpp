@@ -1,7 +1,10 @@
 #include <toml++/toml.h>
+#include <cmath>
 #include <cstdio>
 
+#include "meshes/finger_shape.h"
 #include "meshes/input_error.h"
+#include "meshes/surface.h"
 #include "scenes/load/find_scene.h"
 #include "scenes/load/finger_model.h"
 #include "scenes/load/load_devices.h"
@@ -136,12 +139,38 @@ void check_softened(Section& s, const FingerModel& m, std::size_t elements) {
                                                text(modulus));
 }
 
+/// A surface of unknown unit that is no fingertip in the guessed one.
+void doubt_guessed_unit(Section& s, const FingerModel& m, const TetMesh& mesh) {
+    if (m.mesh.source != FingerMeshRequest::Source::surface || !m.mesh.unit.empty()) return;
+    const auto box = bounds(mesh.nodes);
+    const shape_bounds::Bounds expected[] = {shape_bounds::length, shape_bounds::width, shape_bounds::thickness};
+    const auto fits = [&](double scale) {
+        for (std::size_t k = 0; k < 3; ++k)
+            if (const double size = scale * (box[1][k] - box[0][k]); size < expected[k].low || size > expected[k].high)
+                return false;
+        return true;
+    };
+    if (fits(1)) return;
+    const auto size = [&](std::size_t k) { return number_text(std::round(1e4 * (box[1][k] - box[0][k])) / 10); };
+    s.doubt("mesh", "its unit was guessed from its size: " + size(0) + " x " + size(1) + " x " + size(2) +
+                        " mm, which is no fingertip (10 to 60, 6 to 40, 6 to 35 mm)" +
+                        (fits(2.54) ? ": it looks like inches (scale it by 25.4 and say unit = \"mm\")"
+                                    : "; say its unit = \"mm\", \"cm\" or \"m\" where that is meant"));
+}
+
 /// The finger with its mesh; where there is none, its problems are the section's.
 void add_finger(Section& s, FingerModel m, FingerTemplates& templates, Scene& scene) {
     std::string note;
     try {
         scene.spec.fingers.push_back(build_as_can_be(m, templates, note));
-        check_softened(s, m, scene.spec.fingers.back().mesh.tets.size());
+        const FingerSpec& built = scene.spec.fingers.back();
+        check_softened(s, m, built.mesh.tets.size());
+        if (const std::string wrong = too_stiff_a_layer(m, built); !wrong.empty()) s.complain("layer", wrong);
+        doubt_guessed_unit(s, m, built.mesh);
+        constexpr std::size_t fewest_touching = 6;
+        if (const std::size_t n = built.mesh.pad_nodes.size(); n < fewest_touching)
+            s.doubt("bone", "so much of the finger rides on the bone that only " + std::to_string(n) +
+                                " of its nodes can touch anything (bone.nail, bone.cut)");
     } catch (const InputError& error) {
         s.complain_as_found(m.mesh.file.empty() ? "shape" : "mesh", error.messages);
         scene.spec.fingers.push_back(m.spec);

@@ -145,7 +145,9 @@ Action add_calibrate_command(const Command& program, const std::atomic<bool>& st
         .comma_separated();
     c.option("--starts", a->settings.starts, "local fits from different places").range(1, 100);
     c.option("--iterations", a->settings.iterations, "most of a local fit").range(1, 1000);
-    c.option("--steps", a->settings.steps, "displacements simulated per press").range(4, 1000);
+    c.option("--steps", a->settings.steps,
+             "displacements simulated per press while searching, where more than twice as many were measured")
+        .range(4, 1000);
     c.option("--noise", a->settings.noise, "assumed relative error of forces and areas").range(1e-4, 1.0);
     c.option("--friction", a->settings.friction, "of the plate").range(0.0, 10.0);
     c.option("--threads", a->threads, "0: as many as the machine has").range(0, 256);

@@ -165,16 +165,17 @@ void print_table(const Comparison& c, std::size_t finger) {
     const auto& steps = c.steps[finger];
     std::printf("%s%s%s: %zu rendering steps with contact\n", c.fingers[finger].c_str(), c.kind.empty() ? "" : ", ",
                 c.kind.c_str(), steps.size());
-    std::printf("  %-13s %26s %9s %8s %8s\n", "", "sum |F_i - Fbar_i| [N]", "normal", "shear", "net");
-    std::printf("  %-13s %8s %8s %8s %9s %8s %8s %9s\n", "method", "mean", "p95", "largest", "mean N", "mean N", "N",
-                "of wanted");
+    std::printf("  %-13s %33s %8s %7s %13s\n", "", "sum |F_i - Fbar_i| [N], share", "normal", "shear", "net, share");
+    std::printf("  %-13s %7s %7s %7s %9s %8s %7s %6s %6s\n", "method", "mean", "p95", "largest", "of wanted", "mean N",
+                "mean N", "N", "wanted");
     std::vector<MethodFigures> all;
     for (std::size_t m = 0; m < c.methods.size(); ++m) all.push_back(figures_of(steps, m));
     auto name = [&](std::size_t m) { return method_names[std::size_t(c.methods[m])].c_str(); };
     for (std::size_t m = 0; m < all.size(); ++m) {
         const MethodFigures& f = all[m];
-        std::printf("  %-13s %8.4f %8.4f %8.4f %9.4f %8.4f %8.3f %7.1f %%\n", name(m), f.field.mean, f.field.p95,
-                    f.field.most, f.normal_N, f.shear_N, f.net_N, f.wanted_N > 0 ? 100 * f.field.mean / f.wanted_N : 0);
+        const auto share = [&](double error) { return f.wanted_N > 0 ? 100 * error / f.wanted_N : 0; };
+        std::printf("  %-13s %7.4f %7.4f %7.4f %7.1f %% %8.4f %7.4f %6.3f %4.1f %%\n", name(m), f.field.mean,
+                    f.field.p95, f.field.most, share(f.field.mean), f.normal_N, f.shear_N, f.net_N, share(f.net_N));
     }
     std::printf("  %-13s %8s %8s %8s %10s %10s %10s\n", "", "torque", "area", "centre", "match us", "not", "by least");
     std::printf("  %-13s %8s %8s %8s %10s %10s %10s\n", "", "N mm", "mm2", "mm", "median", "converged", "squares");

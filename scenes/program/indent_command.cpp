@@ -132,6 +132,19 @@ void print(const std::vector<Press>& presses) {
     }
 }
 
+/// Steps that figures are read from, so that they do not depend on how many rows were asked for: each of these is
+/// pressed in so many, at most 1/30 mm long, between whose forces a wall at the strain limits is found.
+int finer(const IndentArguments& a) { return std::max(1, int(std::ceil(a.depth_mm / a.steps / (4.0 / 120) - 1e-9))); }
+
+/// The rows that were asked for, and where the press ended.
+IndentationCurve every(const IndentationCurve& curve, int step) {
+    IndentationCurve rows = curve;
+    rows.points.clear();
+    for (std::size_t k = 0; k < curve.points.size(); ++k)
+        if (k % std::size_t(step) == 0 || k + 1 == curve.points.size()) rows.points.push_back(curve.points[k]);
+    return rows;
+}
+
 int run_indent(const IndentArguments& a) {
     const EndsAtOnce interruptible;  // nothing is written before all presses are done
     FingerModel model = load_finger(a.source);
@@ -144,19 +157,23 @@ int run_indent(const IndentArguments& a) {
     for (const int elements : a.elements) {
         if (elements > 0) model.mesh.elements = elements;
         FingerSpec finger = build_finger(model, templates, note);
+        if (const std::string wrong = too_stiff_a_layer(model, finger); !wrong.empty())
+            throw InputError(a.source.name + ": layer: " + wrong);
         for (const double angle : a.angles_deg) {
             finger.name = std::to_string(all.size());
             all.push_back({finger, angle * degree, a.roll_deg * degree, 1e-3 * a.depth_mm});
             presses.push_back({all.back(), angle, {}, {}});
         }
     }
-    IndentationSettings settings{
-        .steps = a.steps, .force_limit = a.force_N, .speed = 1e-3 * a.speed_mm_per_s, .friction = a.friction};
+    IndentationSettings settings{.steps = finer(a) * a.steps,
+                                 .force_limit = a.force_N,
+                                 .speed = 1e-3 * a.speed_mm_per_s,
+                                 .friction = a.friction};
     Progress progress("indent", a.json);
     settings.progress = [&](double share) { progress.show(0.5 * share); };
     const auto curves = indent(all, settings, threads);
     for (std::size_t i = 0; i < presses.size(); ++i) {
-        presses[i].curve = curves[i];
+        presses[i].curve = every(curves[i], finer(a));
         progress.show(0.5 + 0.5 * double(i) / double(presses.size()));
         presses[i].figures = fingertip_figures(presses[i].how, curves[i], a.shear_friction, threads);
     }
@@ -192,7 +209,7 @@ Action add_indent_command(const Command& program) {
     c.option("--roll", a->roll_deg, "of the finger about its axis [degrees]").range(-180.0, 180.0);
     c.option("--depth-mm", a->depth_mm, "displacement at the end, from first touch").range(0.01, 20.0);
     c.option("--force-N", a->force_N, "end at this force").range(0.01, 1000.0);
-    c.option("--steps", a->steps, "displacements up to the depth").range(2, 10000);
+    c.option("--steps", a->steps, "rows up to the depth; figures do not depend on them").range(2, 10000);
     c.option("--speed-mm-per-s", a->speed_mm_per_s,
              "of the plate; 0: quasi-static. Tissue has inertia but no viscosity")
         .range(0.0, 1000.0);

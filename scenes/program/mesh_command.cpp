@@ -1,6 +1,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "meshes/input_error.h"
 #include "meshes/mesh_files.h"
@@ -16,7 +17,7 @@ namespace {
 struct MeshArguments {
     std::string source, out, unit, picture, kind = "uniform";
     int elements = 347;
-    double length_mm = 0, width_mm = 0, thickness_mm = 0, pad_bulge = -1, nail = -1;
+    std::optional<double> length_mm, width_mm, thickness_mm, pad_bulge, nail;
     bool keep_frame = false, json = false;
     std::vector<double> tip, dorsal;  ///< of the file's axes; empty: guessed
 };
@@ -28,6 +29,26 @@ std::optional<FingerOrientation> orientation_of(const MeshArguments& a) {
     return FingerOrientation{{a.tip[0], a.tip[1], a.tip[2]}, {a.dorsal[0], a.dorsal[1], a.dorsal[2]}};
 }
 
+/// Options that would do nothing are a misunderstanding.
+void check_together(const MeshArguments& a, bool surface) {
+    std::vector<std::string> wrong;
+    const auto check = [&](bool given, const char* option, const char* why) {
+        if (given) wrong.push_back(std::string(option) + ": " + why);
+    };
+    const char* const of_shapes = "is of the built-in finger; a surface has its own size (--unit)";
+    const char* const of_files = "is of surface files; the built-in finger needs none";
+    check(surface && a.length_mm, "--length", of_shapes);
+    check(surface && a.width_mm, "--width", of_shapes);
+    check(surface && a.thickness_mm, "--thickness", of_shapes);
+    check(surface && a.pad_bulge, "--pad-bulge", of_shapes);
+    check(!surface && !a.unit.empty(), "--unit", of_files);
+    check(!surface && !a.tip.empty(), "--tip", of_files);
+    check(!surface && !a.dorsal.empty(), "--dorsal", of_files);
+    check(a.keep_frame && !(a.tip.empty() && a.dorsal.empty()), "--keep-frame",
+          "a surface keeps its own frame or has --tip and --dorsal, not both");
+    if (!wrong.empty()) throw InputError(wrong);
+}
+
 FingerMeshRequest request_of(const MeshArguments& a, double& surface_volume) {
     FingerMeshRequest r;
     r.elements = a.elements;
@@ -35,18 +56,20 @@ FingerMeshRequest request_of(const MeshArguments& a, double& surface_volume) {
     r.orientation = orientation_of(a);
     r.unit = a.unit;
     r.kind = a.kind == "conforming" ? FingerMeshRequest::Kind::conforming : FingerMeshRequest::Kind::uniform;
-    if (a.nail >= 0) r.regions.nail = a.nail;
-    if (a.source.find('.') != std::string::npos || std::filesystem::exists(a.source)) {
+    if (a.nail) r.regions.nail = *a.nail;
+    const bool surface = a.source.find('.') != std::string::npos || std::filesystem::exists(a.source);
+    check_together(a, surface);
+    if (surface) {
         r.source = FingerMeshRequest::Source::surface;
         r.file = a.source;
         surface_volume = volume(read_surface(a.source, a.unit).surface);
         return r;
     }
     r.shape = finger_shape(a.source);
-    if (a.length_mm > 0) r.shape.length = 1e-3 * a.length_mm;
-    if (a.width_mm > 0) r.shape.width = 1e-3 * a.width_mm;
-    if (a.thickness_mm > 0) r.shape.thickness = 1e-3 * a.thickness_mm;
-    if (a.pad_bulge >= 0) r.shape.pad_bulge = a.pad_bulge;
+    if (a.length_mm) r.shape.length = 1e-3 * *a.length_mm;
+    if (a.width_mm) r.shape.width = 1e-3 * *a.width_mm;
+    if (a.thickness_mm) r.shape.thickness = 1e-3 * *a.thickness_mm;
+    if (a.pad_bulge) r.shape.pad_bulge = *a.pad_bulge;
     surface_volume = volume(finger_surface(r.shape));
     return r;
 }
@@ -110,6 +133,8 @@ int make_mesh(const MeshArguments& a) {
 Action add_mesh_command(const Command& program) {
     const Command c = program.subcommand("mesh", "turn a closed surface, or the built-in finger, into tetrahedra");
     auto a = std::make_shared<MeshArguments>();
+    const auto low = [](const shape_bounds::Bounds& b) { return std::round(1e3 * b.low); };
+    const auto high = [](const shape_bounds::Bounds& b) { return std::round(1e3 * b.high); };
     c.option("surface", a->source, "OBJ, STL, PLY or OFF file; or thumb, index, middle, ring, little").required();
     c.option("--elements", a->elements, "wanted number of tetrahedra").range(20, 200000);
     c.option("--kind", a->kind,
@@ -117,10 +142,14 @@ Action add_mesh_command(const Command& program) {
         .among({"uniform", "conforming"});
     c.option("--out", a->out, "write the mesh as .vtu");
     c.option("--unit", a->unit, "unit of the file: m, cm or mm (default: guessed from its size)");
-    c.option("--length", a->length_mm, "built-in finger: length [mm]");
-    c.option("--width", a->width_mm, "built-in finger: width [mm]");
-    c.option("--thickness", a->thickness_mm, "built-in finger: thickness [mm]");
-    c.option("--pad-bulge", a->pad_bulge, "built-in finger: swelling of the pad, 0 to 0.5");
+    c.option("--length", a->length_mm, "built-in finger: length [mm]")
+        .range(low(shape_bounds::length), high(shape_bounds::length));
+    c.option("--width", a->width_mm, "built-in finger: width [mm]")
+        .range(low(shape_bounds::width), high(shape_bounds::width));
+    c.option("--thickness", a->thickness_mm, "built-in finger: thickness [mm]")
+        .range(low(shape_bounds::thickness), high(shape_bounds::thickness));
+    c.option("--pad-bulge", a->pad_bulge, "built-in finger: swelling of the pad, 0 to 0.5")
+        .range(shape_bounds::pad_bulge.low, shape_bounds::pad_bulge.high);
     c.option("--nail", a->nail, "share of the thickness above which nodes belong to nail and back, 0 to 1")
         .range(0.0, 1.0);
     c.flag("--keep-frame", a->keep_frame, "the file's axes are the finger frame (x distal, z to the nail) already");

@@ -69,6 +69,10 @@ Option Command::option(const std::string& name, double& value, const std::string
     return Option(finite(app_->add_option(name, value, description)));
 }
 
+Option Command::option(const std::string& name, std::optional<double>& value, const std::string& description) const {
+    return Option(finite(app_->add_option(name, value, description)));
+}
+
 Option Command::option(const std::string& name, std::vector<std::string>& values,
                        const std::string& description) const {
     return Option(app_->add_option(name, values, description));

@@ -1,6 +1,7 @@
 #pragma once
 // Options of commands: a thin layer over CLI11, which takes ten seconds to compile wherever it is included.
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,6 +41,7 @@ class Command {
     Option option(const std::string& name, std::string& value, const std::string& description) const;
     Option option(const std::string& name, int& value, const std::string& description) const;
     Option option(const std::string& name, double& value, const std::string& description) const;
+    Option option(const std::string& name, std::optional<double>& value, const std::string& description) const;
     Option option(const std::string& name, std::vector<std::string>& values, const std::string& description) const;
     Option option(const std::string& name, std::vector<int>& values, const std::string& description) const;
     Option option(const std::string& name, std::vector<double>& values, const std::string& description) const;

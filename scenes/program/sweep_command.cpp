@@ -35,7 +35,7 @@ struct SweepArguments {
 };
 
 const char* const columns =
-    "field_error,net_error,area_error,platform_mm,seconds_per_second,median_us,p99_us,dt_ms,limit_violation,"
+    "field_error,net_error,area_error,platform_mm,seconds_per_second,median_us,p99_us,solver_dt_ms,limit_violation,"
     "penetration_um,converged,resets,failed";
 
 std::string row_of(const SweepPoint& p) {

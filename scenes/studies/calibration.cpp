@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "meshes/input_error.h"
 #include "meshes/plain_numbers.h"
@@ -54,6 +55,33 @@ std::vector<FitParameter> fit_parameters(const FingerModel& model) {
 
 namespace {
 
+/// Where the bone is led to for a displacement under a force.
+double led_to(double displacement, double force) { return displacement + clamp_give * force; }
+
+/// Where a press is simulated: as it was measured, so that nothing is interpolated. Of too many rows, at those that lie
+/// evenly along the curve of logarithmic force, close together where it bends: at the strain limits.
+std::vector<double> stops_of(const MeasuredCurve& curve, std::size_t most) {
+    std::vector<MeasuredPoint> rows;
+    for (const MeasuredPoint& p : curve.points)
+        if (p.displacement > 0) rows.push_back(p);
+    double top = 1e-300;
+    for (const MeasuredPoint& p : rows) top = std::max(top, p.force);
+    std::vector<double> along, stops;
+    double x = 0, y = 0, largest = 0;
+    for (const MeasuredPoint& p : rows) {
+        largest = std::max(largest, p.force);  // noise makes the way no longer
+        const double x_before = std::exchange(x, p.displacement / rows.back().displacement);
+        const double y_before = std::exchange(y, std::log(1 + 50 * largest / top) / std::log(51.0));
+        along.push_back(along.empty() ? 0 : along.back() + std::hypot(x - x_before, y - y_before));
+    }
+    const double between = rows.size() > most ? along.back() / double(most - 1) : 0;
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        if (along[i] >= (1 - 1e-9) * between * double(stops.size()))
+            stops.push_back(led_to(rows[i].displacement, rows[i].force));
+    std::sort(stops.begin(), stops.end());  // noise of forces
+    return stops;
+}
+
 /// The fit's working state. Parameters are scaled to [0, 1] between their bounds.
 struct Fit {
     FingerModel model;
@@ -63,7 +91,20 @@ struct Fit {
     Threads& threads;
     FingerTemplates templates;
     int simulations = 0;
+    bool fine = true;  ///< the search goes by fewer stops than what is found is polished and judged with
 
+    std::vector<double> stops(const MeasuredCurve& curve) const {
+        const auto few = stops_of(curve, std::size_t(2 * settings.steps)), all = stops_of(curve, std::size_t(-1));
+        if (all.size() <= few.size()) return all;
+        return stops_of(curve, std::size_t(fine ? 8 * settings.steps : settings.steps * 3 / 2));
+    }
+    bool search_is_coarse() const {
+        return std::any_of(data.begin(), data.end(), [&](const MeasuredCurve& c) {
+            const auto set =
+                std::count_if(c.points.begin(), c.points.end(), [](auto& p) { return p.displacement > 0; });
+            return set == 0 || set > 2 * settings.steps;
+        });
+    }
     double value(std::size_t k, double u) const {
         const FitParameter& p = parameters[k];
         return p.logarithmic ? p.low * std::pow(p.high / p.low, u) : p.low + (p.high - p.low) * u;
@@ -88,22 +129,18 @@ struct Fit {
         for (const FingerModel& m : models) {
             FingerSpec f = build_finger(m, templates, note);
             for (std::size_t c = 0; c < data.size(); ++c) {
-                // At the measured displacements, where they are not too many, so that nothing is interpolated.
-                std::vector<double> stops;
-                for (const MeasuredPoint& p : data[c].points) {
-                    most = std::max(most, p.force);
-                    if (p.displacement > 0) stops.push_back(p.displacement);
-                }
+                for (const MeasuredPoint& p : data[c].points) most = std::max(most, p.force);
+                const std::vector<double> stops = this->stops(data[c]);
                 // Without displacements: as far as the forces ask for.
                 const double depth = stops.empty() ? 0.3 * m.mesh.shape.thickness : stops.back();
-                if (int(stops.size()) > 2 * settings.steps) stops.clear();
                 f.name = std::to_string(all.size());
                 all.push_back({f, data[c].angle, 0, depth, stops});
             }
         }
         simulations += int(all.size());
-        const auto curves =
-            indent(all, {.steps = settings.steps, .force_limit = 1.5 * most, .friction = settings.friction}, threads);
+        const auto curves = indent(
+            all, {.steps = (fine ? 4 : 1) * settings.steps, .force_limit = 1.5 * most, .friction = settings.friction},
+            threads);
         std::vector<std::vector<IndentationCurve>> sorted(models.size());
         for (std::size_t i = 0; i < curves.size(); ++i) sorted[i / data.size()].push_back(curves[i]);
         return sorted;
@@ -113,6 +150,10 @@ struct Fit {
     VectorXd residuals(const std::vector<IndentationCurve>& curves) const {
         std::vector<double> r;
         for (std::size_t c = 0; c < data.size(); ++c) {
+            // Both at the same place of the plate: on a wall, where force is all but independent of displacement, a
+            // measured displacement would ask for a force that is far off.
+            IndentationCurve held = curves[c];
+            for (IndentationPoint& p : held.points) p.displacement = led_to(p.displacement, p.force);
             double most_force = 0, most_area = 0;
             for (const MeasuredPoint& p : data[c].points) {
                 most_force = std::max(most_force, p.force);
@@ -124,14 +165,13 @@ struct Fit {
                 r.push_back(std::log((std::max(0.0, model) + floor) / (measured + floor)) / settings.noise);
             };
             for (const MeasuredPoint& p : data[c].points) {
-                if (std::isfinite(p.displacement))
-                    compare(field_at_displacement(curves[c], p.displacement, &IndentationPoint::force), p.force,
-                            most_force);
+                const double led = led_to(p.displacement, p.force);
+                if (std::isfinite(led))
+                    compare(field_at_displacement(held, led, &IndentationPoint::force), p.force, most_force);
                 // By the displacement where it is known: forces are measured with noise of their own.
                 if (std::isfinite(p.area))
-                    compare(std::isfinite(p.displacement)
-                                ? field_at_displacement(curves[c], p.displacement, &IndentationPoint::area)
-                                : field_at_force(curves[c], p.force, &IndentationPoint::area),
+                    compare(std::isfinite(led) ? field_at_displacement(held, led, &IndentationPoint::area)
+                                               : field_at_force(curves[c], p.force, &IndentationPoint::area),
                             p.area, most_area);
             }
         }
@@ -149,18 +189,26 @@ struct Fit {
 /// Difference step of scaled parameters: residuals are smooth down to the solve's tolerance.
 constexpr double difference_step = 4e-3;
 
-/// Residual at u and its Jacobian, by differences towards the inside of the bounds.
+/// Residual at u and its Jacobian, by differences towards the inside of the bounds; of a fine fit to both sides and
+/// over more, so that the small jumps of areas from node to node, all that is left there, do not lead astray.
 VectorXd linearise(Fit& fit, const VectorXd& u, MatrixXd& J) {
-    std::vector<VectorXd> points{u};
+    const double step = (fit.fine ? 3 : 1) * difference_step;
+    std::vector<VectorXd> ahead, behind;
     for (std::ptrdiff_t k = 0; k < u.size(); ++k) {
-        points.push_back(u);
-        points.back()[k] += u[k] > 0.5 ? -difference_step : difference_step;
+        ahead.push_back(u), behind.push_back(u);
+        ahead.back()[k] += u[k] > 0.5 ? -step : step;
+        behind.back()[k] = std::clamp(2 * u[k] - ahead.back()[k], 0.0, 1.0);
     }
+    std::vector<VectorXd> points = ahead;
+    if (fit.fine) points.insert(points.end(), behind.begin(), behind.end());
+    points.push_back(u);
     const auto r = fit.residuals_at(points);
     J.resize(r[0].size(), u.size());
-    for (std::ptrdiff_t k = 0; k < u.size(); ++k)
-        J.col(k) = (r[std::size_t(k) + 1] - r[0]) / (points[std::size_t(k) + 1][k] - u[k]);
-    return r[0];
+    for (std::ptrdiff_t k = 0; k < u.size(); ++k) {
+        const std::size_t i = std::size_t(k), from = fit.fine ? i + ahead.size() : r.size() - 1;
+        J.col(k) = (r[i] - r[from]) / (points[i][k] - points[from][k]);
+    }
+    return r.back();
 }
 
 /// Minimises 1/2 d' H d + g' d with u + d in [0, 1]: parameters that would leave are put on their bound, one by one.
@@ -191,22 +239,26 @@ VectorXd step_in_box(const MatrixXd& H, const VectorXd& g, const VectorXd& u) {
     return d;
 }
 
+/// Steps of scaled parameters that are nothing beside what differences are taken over.
+constexpr double nothing = difference_step / 40;
+
 struct Local {
     VectorXd u, r;
-    MatrixXd J;
     bool converged = false;
 };
 
 /// Levenberg-Marquardt; four dampings are tried at once, as lanes are.
-Local fit_from(Fit& fit, VectorXd u, const std::atomic<bool>& stop, const std::function<void(int, double)>& progress) {
-    Local best{u, {}, {}, false};
-    double damping = 1e-2;
+Local fit_from(Fit& fit, VectorXd u, double damping, const std::atomic<bool>& stop,
+               const std::function<void(int, double)>& progress) {
+    Local best{std::move(u), {}, false};
+    MatrixXd J;
+    bool moved = true;
     for (int k = 0; k < fit.settings.iterations && !stop; ++k) {
-        best.r = linearise(fit, best.u, best.J);
+        if (moved) best.r = linearise(fit, best.u, J);
         const double cost = best.r.squaredNorm();
         progress(k, cost / double(best.r.size()));
-        const MatrixXd H = best.J.transpose() * best.J;
-        const VectorXd g = best.J.transpose() * best.r;
+        const MatrixXd H = J.transpose() * J;
+        const VectorXd g = J.transpose() * best.r;
         const double scale = std::max(1e-12, H.diagonal().maxCoeff());
         std::vector<VectorXd> tries;
         std::vector<double> dampings;
@@ -222,22 +274,19 @@ Local fit_from(Fit& fit, VectorXd u, const std::atomic<bool>& stop, const std::f
             if (r[i].squaredNorm() < r[chosen].squaredNorm()) chosen = i;
         damping = dampings[chosen];
         const double next = r[chosen].squaredNorm();
-        if (!(next < cost)) {
+        moved = next < cost;
+        if (!moved) {
             damping = dampings.back();
-            if (damping > 1e4) {
-                best.converged = true;
-                break;
-            }
+            best.converged = damping > 1e4 || (tries.front() - best.u).cwiseAbs().maxCoeff() < nothing;
+            if (best.converged) break;
             continue;
         }
-        const double moved = (tries[chosen] - best.u).cwiseAbs().maxCoeff();
-        best.u = tries[chosen];
-        if (cost - next < 1e-4 * cost && moved < 1e-2) {
-            best.converged = true;
-            break;
-        }
+        const double way = (tries[chosen] - best.u).cwiseAbs().maxCoeff();
+        best.u = tries[chosen], best.r = r[chosen];
+        best.converged = (cost - next < 1e-4 * cost && way < 1e-2) || way < nothing;
+        if (best.converged) break;
     }
-    best.r = linearise(fit, best.u, best.J);
+    if (best.r.size() == 0) best.r = fit.residuals_at({best.u})[0];  // stopped at once
     return best;
 }
 
@@ -318,9 +367,32 @@ MatrixXd wide_jacobian(Fit& fit, const VectorXd& u) {
     return J;
 }
 
+/// Variance of what the same press gives with other stops: forces and areas differ by some thousandths.
+double own_noise(const Fit& fit) { return std::pow(2e-3 / fit.settings.noise, 2); }
+
+/// Residuals of neighbouring rows that are alike, as where the model cannot follow the data, are no news each: by how
+/// much fewer of them there are, from the correlation of each row with the one before.
+double repetition(const Fit& fit, const VectorXd& r) {
+    double together = 0, alone = 1e-300;
+    for (std::size_t c = 0, i = 0; c < fit.data.size(); ++c) {
+        double last_force = 0, last_area = 0;
+        for (const MeasuredPoint& p : fit.data[c].points)
+            for (auto [value, last] : {std::pair{p.displacement, &last_force}, std::pair{p.area, &last_area}}) {
+                if (!std::isfinite(value)) continue;
+                const double now = r[std::ptrdiff_t(i++)];
+                together += now * *last, alone += now * now;
+                *last = now;
+            }
+    }
+    const double alike = std::clamp(together / alone, 0.0, 0.95);
+    return (1 + alike) / (1 - alike);
+}
+
 void add_intervals(Fit& fit, const Local& local, Calibration& result) {
     const auto n = local.u.size(), rows = local.r.size();
-    const double variance = local.r.squaredNorm() / double(std::max<std::ptrdiff_t>(1, rows - n));
+    const double variance =
+        std::max(own_noise(fit), local.r.squaredNorm() / double(std::max<std::ptrdiff_t>(1, rows - n))) *
+        repetition(fit, local.r);
     const MatrixXd J = wide_jacobian(fit, local.u), H = J.transpose() * J;
     const double t = t_quantile(double(rows - n));
     // Directions that the data do not see at all get the variance of the whole range.
@@ -364,6 +436,7 @@ Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>
                       const std::function<void(const std::string&)>& progress) {
     Fit fit{start, chosen_parameters(start, settings.parameters), data, settings, threads, {}};
     fit.model.spec.has_limits = true;
+    fit.fine = false;
     auto points = spread(fit, std::max(1, 5 * settings.starts));
     const auto r = fit.residuals_at(points);
     if (r[0].size() < std::ptrdiff_t(fit.parameters.size()) + 2)
@@ -375,17 +448,23 @@ Calibration calibrate(const FingerModel& start, const std::vector<MeasuredCurve>
     std::stable_sort(order.begin(), order.end(),
                      [&](std::size_t a, std::size_t b) { return r[a].squaredNorm() < r[b].squaredNorm(); });
     Local best;
-    for (int s = 0; s < settings.starts && !stop; ++s) {
-        const Local local = fit_from(fit, points[order[std::size_t(s)]], stop, [&](int k, double cost) {
+    const auto search = [&](const VectorXd& from, double damping, const std::string& what) {
+        return fit_from(fit, from, damping, stop, [&](int k, double cost) {
             char text[120];
-            plain_snprintf(text, sizeof text, "start %d of %d, iteration %d: mean squared residual %.3f", s + 1,
-                           settings.starts, k + 1, cost);
+            plain_snprintf(text, sizeof text, "%s, iteration %d: mean squared residual %.3f", what.c_str(), k + 1,
+                           cost);
             if (progress) progress(text);
         });
+    };
+    for (int s = 0; s < settings.starts && !stop; ++s) {
+        const Local local = search(points[order[std::size_t(s)]], 1e-2,
+                                   "start " + std::to_string(s + 1) + " of " + std::to_string(settings.starts));
         if (best.r.size() == 0 || local.r.squaredNorm() < best.r.squaredNorm()) best = local;
     }
+    if (best.r.size() == 0) best.u = points[order[0]];  // interrupted
+    fit.fine = true;
+    if (best.r.size() == 0 || fit.search_is_coarse()) best = search(best.u, 1e-4, "all rows");
     Calibration result;
-    if (best.r.size() == 0) best.u = points[order[0]], best.r = linearise(fit, best.u, best.J);  // interrupted
     result.model = fit.at(best.u);
     result.cost = best.r.squaredNorm() / double(best.r.size());
     result.converged = best.converged;

@@ -26,7 +26,10 @@ struct CalibrationSettings {
     std::vector<std::string> parameters{"young_kPa", "low", "width_mm"};
     int starts = 3;       ///< local fits, from the best of five times as many points spread over the bounds
     int iterations = 15;  ///< most of one local fit
-    int steps = 16;       ///< displacements simulated per press; where up to twice as many were measured, those
+    /// Where up to twice as many rows of a press were measured, they are simulated as they were measured. Of more, the
+    /// search takes one and a half times as many, close together where the curve bends; what it finds is fitted again,
+    /// and judged, with up to eight times as many.
+    int steps = 16;
     double noise = 0.05;  ///< assumed relative error of forces and areas: their weight against each other
     double friction = 0;  ///< of the plate
 };
@@ -35,8 +38,10 @@ struct CalibrationSettings {
 struct FittedParameter {
     std::string name;
     double value = 0;
-    double low95 = 0, high95 = 0;  ///< 95 % confidence interval, clipped to the bounds
-    bool determined = true;        ///< false: the interval spans more than half of the bounds, or the value lies on one
+    /// 95 % confidence interval, clipped to the bounds. Its noise is that of the residuals, at least two thousandths;
+    /// rows that are off alike count as fewer.
+    double low95 = 0, high95 = 0;
+    bool determined = true;  ///< false: the interval spans more than half of the bounds, or the value lies on one
 };
 
 /// How well one press is met.

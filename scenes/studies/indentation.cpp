@@ -13,8 +13,8 @@ namespace palpate {
 
 namespace {
 
-/// Stiff enough that the bone stays within 1 um of its target per newton.
-constexpr double clamp_stiffness = 1e6, clamp_angular_stiffness = 1e3;
+/// Walls at strain limits are about as stiff; a hundred times stiffer, steps on them do not converge.
+constexpr double clamp_stiffness = 1 / clamp_give, clamp_angular_stiffness = 1e3;
 
 SceneSpec plate_and_fingers(const std::vector<Indentation>& fingers, const IndentationSettings& s) {
     SceneSpec spec;

@@ -10,13 +10,16 @@
 
 namespace palpate {
 
+/// By how much the bone stays behind where it is led, under a force [m/N].
+inline constexpr double clamp_give = 1e-6;
+
 /// One finger and how it meets the plate.
 struct Indentation {
     FingerSpec finger;    ///< its coupling, start pose, filter and precision are not used
     double angle = 0;     ///< between plate and finger axis [rad]: 0 = the pad lies flat, pi/2 = tip on
     double roll = 0;      ///< about the finger's axis [rad]
     double depth = 3e-3;  ///< displacement at the end, from first touch of the curved skin [m]
-    std::vector<double> displacements = {};  ///< those to stop at, rising [m]; empty: equal steps to the depth
+    std::vector<double> displacements = {};  ///< those to lead to, rising [m]; empty: equal steps to the depth
 };
 
 /// State of one finger at one displacement.

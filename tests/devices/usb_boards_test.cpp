@@ -70,7 +70,7 @@ class Boards : public Usb {
 TEST_F(Boards, WhereOneIsUnpluggedTheOthersGoOn) {
     const Outcome o = emulate("--boards 2 --fault unplug@200 --replug-ms 0" + logged(),
                               run_command(seated({maestro(first), maestro(second)}, 3)));
-    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_EQ(o.code, 1) << o.out;
     const int lost = first_board(events(), testing::unplugged);
     ASSERT_GE(lost, 0) << o.out;
     const double when = first_time(events(), testing::unplugged);
@@ -89,7 +89,7 @@ TEST_F(Boards, WhereOneIsUnpluggedTheOthersGoOn) {
 TEST_F(Boards, WhereOneHangsTheOthersGoOn) {
     const Outcome o =
         emulate("--boards 2 --fault hang@200" + logged(), run_command(seated({maestro(first), maestro(second)}, 3)));
-    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_EQ(o.code, 1) << o.out;
     EXPECT_SAYS(o, " 1 faults");
     for (const int board : {0, 1}) {
         expect_safe(of_board(board));

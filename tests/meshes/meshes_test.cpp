@@ -1,5 +1,7 @@
 // Surfaces, remeshing, TetGen in its helper, files: a failing and a passing twin of each bad input.
 
+#include <cmath>
+#include <cstring>
 #include <fstream>
 
 #include <set>
@@ -67,6 +69,17 @@ TEST_F(SurfaceFiles, BadObjIsRefused) {
     EXPECT_REFUSED(refusal("unit.obj", std::string(cube_vertices) + cube_faces, "inch"), "unknown unit");
     EXPECT_THROW(read_surface(scratch_.path / "absent.obj"), InputError);
     EXPECT_REFUSED(refusal("kind.xyz", "1 2 3"), "unknown kind");
+}
+
+TEST_F(SurfaceFiles, WhatATriangleLacksIsNamed) {
+    EXPECT_REFUSED(refusal("flat.obj", std::string(cube_vertices) + cube_faces + "f 1 1 2\n"),
+                   "line 21: a face has vertex 1 twice");
+    EXPECT_REFUSED(refusal("flat.obj", std::string(cube_vertices) + cube_faces + "f 1 -8 2\n"), "twice");
+    std::string stl(84 + 50 * 2, '\0');
+    stl[80] = 2;
+    const float nothing = std::nanf("");
+    std::memcpy(&stl[84 + 50 + 12 + 4], &nothing, sizeof nothing);
+    EXPECT_REFUSED(refusal("nan.stl", stl), "triangle 2 of 2 has a corner that is no finite number");
 }
 
 TEST_F(SurfaceFiles, InvertedAndCrossingSurfacesAreRefused) {

@@ -230,7 +230,7 @@ std::vector<MeasuredCurve> measured(const FingerModel& truth, const std::vector<
         m.angle = angle * degree;
         const IndentationCurve c = pressed({press})[0];
         for (std::size_t k = 1; k < c.points.size(); ++k)
-            m.points.push_back({press.displacements[k - 1], c.points[k].force, c.points[k].area});
+            m.points.push_back({c.points[k].displacement, c.points[k].force, c.points[k].area});
     }
     return data;
 }
@@ -257,6 +257,50 @@ TEST(Calibration, FindsWhatTheDataHold) {
     EXPECT_FALSE(c.parameters[3].determined);
     EXPECT_TRUE(c.parameters[0].determined && c.parameters[1].determined);
     for (const CurveFit& f : c.curves) EXPECT_LT(f.force_area, 0.02);
+}
+
+/// Young's modulus and lower limit of a finger, fitted to presses of it without any noise.
+void expect_the_truth(const Indentation& how, const IndentationSettings& as, double young, double low) {
+    std::vector<MeasuredCurve> data;
+    FingerModel truth = named("index-median"), start = truth;
+    const auto set = [](FingerModel& m, double young_kPa, double limit) {
+        for (const FitParameter& p : fit_parameters(m)) {
+            if (p.name == "young_kPa") p.set(m, young_kPa);
+            if (p.name == "low") p.set(m, limit);
+        }
+    };
+    set(truth, young, low), set(start, 1.4 * young, low - 0.08);
+    for (const double angle : {0.0, 30.0}) {
+        Indentation press = how;
+        press.finger = built(truth), press.angle = angle * degree;
+        MeasuredCurve& m = data.emplace_back(MeasuredCurve{press.angle, {}});
+        const IndentationCurve curve = pressed({press}, as)[0];
+        for (const IndentationPoint& p : curve.points)
+            if (p.displacement > 0) m.points.push_back({p.displacement, p.force, p.area});
+        EXPECT_GT(m.points.back().force, 4);
+    }
+    Threads threads(2);
+    const std::atomic<bool> stop{false};
+    CalibrationSettings s;
+    s.parameters = {"young_kPa", "low"}, s.starts = 1;
+    const Calibration c = calibrate(start, data, s, threads, stop, {});
+    EXPECT_LT(c.cost, 0.01);
+    const double values[] = {young, low};
+    for (std::size_t k = 0; k < 2; ++k) {
+        const FittedParameter& p = c.parameters[k];
+        EXPECT_TRUE(p.low95 <= values[k] && values[k] <= p.high95)
+            << p.name << " " << values[k] << ": " << p.low95 << " to " << p.high95;
+        EXPECT_NEAR(p.value, values[k], 2e-3 * values[k]) << p.name;
+        EXPECT_GT(p.high95 - p.low95, 1e-5 * values[k]) << p.name;
+    }
+}
+
+TEST(Calibration, FindsTheTruthInManyRowsAcrossTheKneeAtTheLimits) {
+    expect_the_truth({.finger = {}, .depth = 4e-3}, {.steps = 120, .force_limit = 6}, 15.5, 0.69);
+}
+
+TEST(Calibration, FindsTheTruthInFewRowsThatEndOnAWall) {
+    expect_the_truth({.finger = {}, .depth = 2.7e-3}, {.steps = 13}, 17, 0.7);
 }
 
 /// Fingers with 5 % of noise on force and area, fitted on three angles and judged on a fourth. More with
@@ -349,6 +393,73 @@ TEST(FingerPresets, ModuliThatAreTooSmallOnceSoftenedAreRefusedWithTheirRange) {
     const std::string layer = refusal_of_preset("[[finger.layer]]\nthickness_mm = 1\nyoung_kPa = 0.001\n");
     EXPECT_TRUE(layer.starts_with("scene.toml:6:")) << layer;
     EXPECT_NE(layer.find("finger \"f\".layer: young_kPa: expected 0.00125"), std::string::npos) << layer;
+}
+
+TEST(FingerPresets, LayersThatAreTooStiffOnceLiftedAreRefusedWithTheirRange) {
+    const std::string layer =
+        "material = { young_kPa = 15500 }\n[[finger.layer]]\nthickness_mm = 1\nacross_kPa = 107000\nyoung_kPa = ";
+    const std::string stiff = refusal_of_preset(layer + "950000\n");
+    EXPECT_TRUE(stiff.starts_with("scene.toml:")) << stiff;
+    EXPECT_NE(stiff.find("finger \"f\".layer: young_kPa: expected "), std::string::npos) << stiff;
+    EXPECT_NE(stiff.find("found 950000"), std::string::npos) << stiff;
+    const std::string bound = stiff.substr(stiff.find("expected ") + 9);
+    EXPECT_EQ(refusal_of_preset(layer + bound.substr(0, bound.find(' ')) + "\n"), "");
+}
+
+TEST(FingerPresets, ASurfaceInInchesIsDoubted) {
+    testing::ScratchFolder scratch;
+    Surface finger = finger_surface(finger_shape("index"));
+    const auto warnings = [&](double per_metre) {
+        std::ofstream file(scratch.path / "scan.obj");
+        for (const Point& p : finger.vertices)
+            file << "v " << per_metre * p[0] << " " << per_metre * p[1] << " " << per_metre * p[2] << "\n";
+        for (const auto& t : finger.triangles) file << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
+        file.close();
+        return load_scene_text("duration_s = 0.1\n[[finger]]\nname = \"f\"\nmesh = { surface = \"" +
+                                   (scratch.path / "scan.obj").string() + "\", keep_frame = true }\n",
+                               "scene.toml")
+            .warnings;
+    };
+    EXPECT_TRUE(warnings(1e3).empty());
+    ASSERT_EQ(warnings(1 / 0.0254).size(), 1u);
+    EXPECT_NE(warnings(1 / 0.0254)[0].find("it looks like inches"), std::string::npos) << warnings(1 / 0.0254)[0];
+}
+
+TEST(FingerPresets, ABoneThatLeavesNoPadIsDoubted) {
+    const std::string head = "duration_s = 0.1\n[[finger]]\nname = \"f\"\nshape = { finger = \"index\" }\n";
+    EXPECT_TRUE(load_scene_text(head, "scene.toml").warnings.empty());
+    const auto warnings =
+        load_scene_text(head + "mesh = { kind = \"uniform\" }\nbone = { cut = 1 }\n", "scene.toml").warnings;
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_NE(warnings[0].find("finger \"f\".bone: so much"), std::string::npos) << warnings[0];
+}
+
+TEST(FingerCommands, FiguresOfIndentDoNotDependOnItsRows) {
+    const auto figures = [](const std::string& steps) {
+        const auto out = palpate_program("indent index-median --angle 0 --depth-mm 3 --json --out '' --steps " + steps);
+        EXPECT_EQ(out.code, 0) << out.out;
+        return nlohmann::json::parse(out.out)[0];
+    };
+    const auto fine = figures("120");
+    for (const char* steps : {"2", "5"}) {
+        const auto few = figures(steps);
+        for (const char* name : {"displacement at 1 N [mm]", "displacement at 4 N [mm]", "stiffness at 4 N over 0.5 N"})
+            EXPECT_NEAR(double(few[name]), double(fine[name]), 0.01 * double(fine[name])) << name << " " << steps;
+    }
+}
+
+TEST(FingerCommands, MeshRefusesWhatItWouldNotUse) {
+    const auto refused = [](const std::string& arguments, const std::string& says) {
+        const auto out = palpate_program("mesh " + arguments);
+        EXPECT_EQ(out.code, 2) << arguments;
+        EXPECT_NE(out.out.find(says), std::string::npos) << arguments << ": " << out.out;
+    };
+    for (const char* size : {"--length=-5", "--length=0", "--width=-3", "--thickness=-1", "--pad-bulge=-1"})
+        refused(std::string("index ") + size, "not in range");
+    const std::string egg = testing::source_dir() + "/scenes/egg.obj";
+    refused(egg + " --keep-frame --length 30", "--length: is of the built-in finger");
+    refused(egg + " --keep-frame --tip 0,1,0 --dorsal 0,0,1", "--keep-frame: ");
+    refused("index --unit mm", "--unit: is of surface files");
 }
 
 TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {

@@ -45,6 +45,7 @@ TEST(Compare, FitsATerminalAndSaysAllOfItAsJson) {
     Outcome o = palpate_program(command);
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_NE(o.out.find("unconstrained"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("net, share"), std::string::npos) << o.out;
     EXPECT_LE(widest_line(o.out), 80u) << o.out;
     o = palpate_program(command + " --json");
     EXPECT_EQ(o.code, 0) << o.out;
@@ -184,6 +185,7 @@ TEST(Sweep, FindsThatMoreIterationsAreCloserAndGoesOnWhereItWas) {
     EXPECT_LE(widest_line(o.out), 80u) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "sweep.svg"));
     std::istringstream rows(text_of(scratch.path / "sweep.csv"));
+    EXPECT_NE(rows.str().find(",solver_dt_ms,"), std::string::npos);  // dt_ms is the axis
     std::vector<double> errors;
     for (std::string line; std::getline(rows, line);)
         if (const auto error = line.find(",step,"); line.starts_with("10,") && error != std::string::npos)
