@@ -165,7 +165,8 @@ void brake_gains(BodyWork& w) {
             b.carried = {0, 0, 0};  // nor does it go along with what it touched
         }
         const double excess = b.gain - std::max(0.0, b.supported) - recovery(w, body, b);
-        if (excess <= uncertainty(body, b) + fitted::work_share * b.worked) return;
+        const double share_of_work = body.converged ? fitted::work_share : fitted::rough_work_share;
+        if (excess <= uncertainty(body, b) + share_of_work * b.worked) return;
         const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};
         const Vec3<double> speed = body.velocity - along;
         const double energy =
