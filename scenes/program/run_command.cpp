@@ -113,8 +113,8 @@ void tell_doubts(DoubtTeller& doubts, const Simulation& simulation, Progress& pr
     }
 }
 
-/// What thimbles went through, and where they are now: whatever becomes of the results. False: of some nobody knows that
-/// they are in their rest pose (a fault that latched, a board that is gone).
+/// What thimbles went through, and where they are now: whatever becomes of the results. False: of some nobody knows
+/// that they are in their rest pose (a fault that latched, a board that is gone).
 bool tell_of_thimbles(const RunArguments& a, const Simulation& simulation, const DeadMan* dead_man, bool stopped) {
     if (!simulation.hardware) return true;
     if (!a.quiet && !a.json) std::printf("%s", hardware_report(simulation).c_str());
