@@ -100,9 +100,9 @@ inline constexpr double no_result = 1;
 inline constexpr double no_load = 10;
 /// What meets more slowly does not bounce [m/s].
 inline constexpr double least_bounce = 0.05;
-/// Of the work of each force on a body so much is known no better, where the step has converged and where not. (A box of
-/// 22 g that two fingers turn and press with 50 N each, one of 5 g that they bring to a stop: with less, a twentieth or
-/// all of the spin was taken away in a step. Past something round, nearly all of the work is gain.)
+/// Of the work of each force on a body so much is known no better, where the step has converged and where not. (A box
+/// of 22 g that two fingers turn and press with 50 N each, one of 5 g that they bring to a stop: with less, a twentieth
+/// or all of the spin was taken away in a step. Past something round, nearly all of the work is gain.)
 inline constexpr double work_share = 1e-2, rough_work_share = 1e-3;
 /// A body that comes out of an overlap may rise by so many times what is undone, at so many times the speed of recovery
 /// (`Crowd`: bodies that turn about a corner; one pressed between two things that leave it no room flew off at 4.5
