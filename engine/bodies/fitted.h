@@ -5,6 +5,12 @@
 
 namespace palpate::fitted {
 
+// --- Flight (rigid_body.cpp) ---
+/// A free rotation is found in parts that turn by no more than this [rad], at most so many (`Flight.TumblesAsEuler*`:
+/// the energy of a rod that tumbles at 70 rad/s had doubled in 0.2 s with steps of 20 ms).
+inline constexpr double turn_at_once = 0.15;
+inline constexpr int most_turns = 64;
+
 // --- Which bodies may touch, and how stiffly they do (islands.cpp, body_contact.cpp) ---
 /// Pairs are looked at from so far on, beside what they may move in the step [m].
 inline constexpr double near_gap = 1e-3;

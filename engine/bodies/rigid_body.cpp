@@ -1,7 +1,10 @@
 #include "engine/bodies/rigid_body.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "engine/bodies/fitted.h"
 
 namespace palpate {
 
@@ -58,6 +61,31 @@ RigidBody solid_body(const Shape& shape, double mass) {
     }
     for (int i = 0; i < 3; ++i) body.inertia[i][i] = moments[i];
     return body;
+}
+
+namespace {
+
+/// A body's rotation without torque, over a time in which it turns little: commutator-free Runge-Kutta of the fourth
+/// order (Celledoni, Marthinsen and Owren 2003). What spins about an axis of its own turns exactly.
+Quaternion<double> turned_freely(const RigidBody& body, const Quaternion<double>& start, double time) {
+    auto spin = [&](const Quaternion<double>& q) { return time * angular_velocity(body, q); };
+    const Vec3<double> k1 = spin(start);
+    const Quaternion<double> half = rotation_by(0.5 * k1) * start;
+    const Vec3<double> k2 = spin(half), k3 = spin(rotation_by(0.5 * k2) * start),
+                       k4 = spin(rotation_by(k3 - 0.5 * k1) * half);
+    const Vec3<double> middle = 2.0 * (k2 + k3), first = (1.0 / 12) * (3.0 * k1 + middle - k4),
+                       second = (1.0 / 12) * (middle + 3.0 * k4 - k1);
+    return normalised(rotation_by(second) * rotation_by(first) * start);
+}
+
+}  // namespace
+
+Pose<double> free_flight(const RigidBody& body, const Pose<double>& centre, const Vec3<double>& gravity, double dt) {
+    const double turn = dt * norm(angular_velocity(body, centre.rotation));
+    const int parts = int(std::clamp(std::ceil(turn / fitted::turn_at_once), 1.0, double(fitted::most_turns)));
+    Quaternion<double> rotation = centre.rotation;
+    for (int i = 0; i < parts; ++i) rotation = turned_freely(body, rotation, dt / parts);
+    return {centre.position + dt * body.velocity + (dt * dt) * gravity, rotation};
 }
 
 }  // namespace palpate

@@ -66,16 +66,9 @@ inline Quaternion<double> rotation_by(const Vec3<double>& turn) {
     return normalised(Quaternion<double>{std::cos(half), share * turn.x, share * turn.y, share * turn.z});
 }
 
-/// Where the body would be at the end of the step without contact: gravity, and a free turn by the midpoint rule, which
-/// keeps its angular momentum.
-inline Pose<double> free_flight(const RigidBody& body, const Pose<double>& centre, const Vec3<double>& gravity,
-                                double dt) {
-    const Vec3<double> first = angular_velocity(body, centre.rotation);
-    const Quaternion<double> half = normalised(rotation_by(0.5 * dt * first) * centre.rotation);
-    const Vec3<double> middle = angular_velocity(body, half);
-    return {centre.position + dt * body.velocity + (dt * dt) * gravity,
-            normalised(rotation_by(dt * middle) * centre.rotation)};
-}
+/// Where the body would be at the end of the step without contact: gravity, and a free turn, which keeps its angular
+/// momentum, and to the fourth order its energy.
+Pose<double> free_flight(const RigidBody& body, const Pose<double>& centre, const Vec3<double>& gravity, double dt);
 
 struct BodyTerms {
     double energy = 0;  ///< [J]

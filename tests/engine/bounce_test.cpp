@@ -145,6 +145,37 @@ TEST(Flight, IsAParabolaAtAnyStep) {
     }
 }
 
+/// A brick that tumbles about its middle axis turns over when Euler's equations say, and neither gains nor loses
+/// energy, however far it turns in a step.
+TEST(Flight, TumblesAsEulerSays) {
+    const Shape brick{ShapeKind::box, {0.005, 0.013, 0.02}};
+    auto tumbled = [&](double dt, double speed, double& gain) {
+        SceneSpec spec = afloat(dt);
+        spec.objects = {body(brick, 0.02, {0, 0, 0})};
+        spec.objects[0].body->angular_momentum = spec.objects[0].body->inertia * (speed * Vec3<double>{0.01, 1, 0.02});
+        Lab lab(spec);
+        auto energy = [&] { return kinetic_energy(lab.world.bodies[0], lab.world.shapes[0].pose.rotation); };
+        const double before = energy();
+        gain = 0;
+        for (int k = 0; k < int(1.0 / dt + 0.5); ++k) {
+            lab.run(dt);
+            gain = std::max(gain, std::abs(energy() / before - 1));
+        }
+        return lab.world.shapes[0].pose.rotation;
+    };
+    double gain = 0;
+    for (double speed : {20.0, 70.0}) {
+        const Quaternion<double> right = tumbled(2.5e-4, speed, gain);
+        for (double dt : {1e-3, 5e-3, 20e-3}) {
+            const Quaternion<double> found = tumbled(dt, speed, gain);
+            const double off = 2 * norm((found * conjugate(right)).vector());
+            std::printf("%g rad/s, %g ms: %.2g rad off after 1 s, energy off by %.2g\n", speed, 1e3 * dt, off, gain);
+            EXPECT_LT(gain, 1e-5);
+            EXPECT_LT(off, 0.05);
+        }
+    }
+}
+
 /// And rises again to e^2 of where it fell from, but for what it loses in the steps near the ground.
 TEST(Bounce, RisesAsHighAsRestitutionSays) {
     for (double dt : {1e-3, 5e-3})
