@@ -84,6 +84,9 @@ void end_bodies(Work& w) {
         const detail::LaneProgress<double>& p = w.s.islands[b.island].progress;
         body.iterations = int(p.iterations);
         body.converged = p.converged;
+        // Nothing acts on it: what the solve has left of its turn is not taken from its angular momentum.
+        if (p.converged && (b.inertia.gradient - b.gradient).isZero(0))
+            b.inertia.gradient.tail<3>().setZero(), b.gradient.tail<3>().setZero();
         const Vec3<double> way = b.pose.position - b.start.position;
         body.reset = !std::isfinite(dot(way, way) + b.gradient.squaredNorm() + b.pose.rotation.w);
         if (body.reset) {
