@@ -142,24 +142,24 @@ void brake_gains(BodyWork& w) {
     if (!w.solver.inertia) return;
     bool any = false;
     auto for_each_gaining = [&](auto visit) {
-        for (const VirtualObject& shape : w.shapes) {
+        for (VirtualObject& shape : w.shapes) {
             if (shape.body < 0) continue;
             RigidBody& body = w.bodies[std::size_t(shape.body)];
             // Where a solve ends early, nothing may push any more what it has thrown.
             const bool pushed = !body.converged || dot(body.contact_force, body.contact_force) > 0;
-            if (pushed && !body.asleep && !body.reset) visit(body, w.s.bodies[std::size_t(shape.body)], shape.body);
+            if (pushed && !body.asleep && !body.reset) visit(body, w.s.bodies[std::size_t(shape.body)], shape);
         }
     };
-    for_each_gaining([&](RigidBody& body, BodyProgress& b, int row) {
+    for_each_gaining([&](RigidBody& body, BodyProgress& b, const VirtualObject& shape) {
         b.gain = kinetic_energy(body, b.pose.rotation) - b.kinetic - dot(b.weight, b.pose.position - b.start.position);
         b.supported = b.worked = b.load = b.undone = 0;
         b.carried = {0, 0, 0};
-        any |= gains(w, b, row);
+        any |= gains(w, b, shape.body);
     });
     if (!any) return;
     for_each_lane(w, [&](const auto& c, int lane, const Island&) { add_support_of_skin(w, c, lane); });
     add_support_of_objects(w);
-    for_each_gaining([&](RigidBody& body, BodyProgress& b, int) {
+    for_each_gaining([&](RigidBody& body, BodyProgress& b, VirtualObject& shape) {
         if (b.load > 0 && misses_what_acted(body, b, fitted::no_result)) {
             b.supported = dot(push(body, b), b.carried) / b.load;
             b.carried = {0, 0, 0};  // nor does it go along with what it touched
@@ -171,6 +171,13 @@ void brake_gains(BodyWork& w) {
         const Vec3<double> speed = body.velocity - along;
         const double energy =
             0.5 * (body.mass * dot(speed, speed) + dot(angular_velocity(body, b.pose.rotation), body.angular_momentum));
+        // Nor does a step that ended early leave a body higher than anything lifted it: it stays where it was.
+        if (!body.converged && excess > energy + fitted::least_throw * norm(b.weight)) {
+            b.pose = b.start;
+            shape.pose = object_pose(body, b.pose);
+            body.velocity = body.angular_momentum = {0, 0, 0};
+            return;
+        }
         const double share = std::sqrt(std::clamp(1 - excess / energy, 0.0, 1.0));
         body.velocity = along + share * speed;
         body.angular_momentum = share * body.angular_momentum;

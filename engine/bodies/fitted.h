@@ -110,6 +110,9 @@ inline constexpr double least_bounce = 0.05;
 /// of 22 g that two fingers turn and press with 50 N each, one of 5 g that they bring to a stop: with less, a twentieth
 /// or all of the spin was taken away in a step. Past something round, nearly all of the work is gain.)
 inline constexpr double work_share = 1e-2, rough_work_share = 1e-3;
+/// A height that nothing lifted a body to, and from which a step that ended early takes it back (two discs of
+/// triangles, one sliding off the other in steps of 20 ms: one rose by 6 mm) [m].
+inline constexpr double least_throw = 5e-4;
 /// A body that comes out of an overlap may rise by so many times what is undone, at so many times the speed of recovery
 /// (`Crowd`: bodies that turn about a corner; one pressed between two things that leave it no room flew off at 4.5
 /// m/s).
