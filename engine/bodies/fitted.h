@@ -106,10 +106,10 @@ inline constexpr double no_result = 1;
 inline constexpr double no_load = 10;
 /// What meets more slowly does not bounce [m/s].
 inline constexpr double least_bounce = 0.05;
-/// Of the work of each force on a body so much is known no better, where the step has converged and where not. (A box
-/// of 22 g that two fingers turn and press with 50 N each, one of 5 g that they bring to a stop: with less, a twentieth
-/// or all of the spin was taken away in a step. Past something round, nearly all of the work is gain.)
-inline constexpr double work_share = 1e-2, rough_work_share = 1e-3;
+/// Of the work of each force on a body so much is known no better, where the step has converged and where not. (What
+/// two fingers press with 3 to 50 N each, turn, and bring to a stop: up to 7 % is missed, and all of the spin was taken
+/// away for it. Past something round, nearly all of the work is gain.)
+inline constexpr double work_share = 0.15, rough_work_share = 1e-3;
 /// A height that nothing lifted a body to, and from which a step that ended early takes it back (two discs of
 /// triangles, one sliding off the other in steps of 20 ms: one rose by 6 mm) [m].
 inline constexpr double least_throw = 5e-4;
