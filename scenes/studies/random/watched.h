@@ -52,6 +52,7 @@ struct Watched {
     std::vector<double> flying_energy;     ///< of turning of each body, when it began to touch nothing [J]; -1: it does
     std::vector<PairOverlap> overlaps;     ///< [object * objects + another of a higher row]
     std::vector<FreeBone> free_bones;      ///< per finger
+    bool passed_through = false;           ///< an object has passed through skin, and a step has said so
     double energy_slack = 0;               ///< what a step knows no better of energies of motion, summed [J]
 };
 
