@@ -7,6 +7,8 @@
 #include <stdexcept>
 
 #include "engine/bodies/islands.h"
+#include "engine/skin/chunks/level_of_detail.h"
+#include "engine/skin/chunks/work_memory.h"
 #include "engine/skin/solve/kernels.h"
 #include "engine/skin/solve/solve_skin.h"
 
@@ -153,7 +155,7 @@ bool yielding(const SceneSpec& spec) {
 }
 
 template <class T>
-void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks,
+void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks, SkinChunks& all,
                  std::vector<Skin>& skins) {
     auto rough = [](const auto& o) { return o.friction > 0; };
     const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), rough) ||
@@ -177,6 +179,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         chunk.material = a.material;
         allocate_chunk(chunk, topology, width, limits, friction, int(spec.objects.size()), has_bodies(spec), membranes);
         if (tissue_may_be_linear(spec, a)) allocate_linear_tissue(chunk);
+        chunk.keeps_matrix = may_keep_matrix(chunk, spec.solver);
         for (std::size_t k = first; k < last; ++k) {
             const int finger = a.fingers[k];
             const FingerSpec& f = spec.fingers[finger];
@@ -190,6 +193,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         fill_empty_lanes(chunk);
         first = last;
     }
+    share_work(chunks, first_chunk, all);
     if (!shared || !spec.solver.inertia || spec.solver.sleep_speed <= 0) return;
     // A few fingers that touch, of many, are solved apart from the others (gather_lanes).
     const std::size_t last = chunks.size();
@@ -307,9 +311,9 @@ World build_world(const SceneSpec& spec) {
     std::vector<Skin> skins(spec.fingers.size());
     for (const Archetype& a : sort_into_archetypes(spec)) {
         if (a.single_precision)
-            fill_chunks(spec, a, world.chunks.floats, skins);
+            fill_chunks(spec, a, world.chunks.floats, world.chunks, skins);
         else
-            fill_chunks(spec, a, world.chunks.doubles, skins);
+            fill_chunks(spec, a, world.chunks.doubles, world.chunks, skins);
     }
     std::vector<EntityId> ids;
     for (std::size_t i = 0; i < spec.fingers.size(); ++i) {
@@ -422,6 +426,10 @@ std::size_t skin_memory_bytes(const World& world) {
     std::size_t bytes = 0;
     for (const auto& c : world.chunks.doubles) bytes += memory_bytes(c);
     for (const auto& c : world.chunks.floats) bytes += memory_bytes(c);
+    for (const WorkMemory& m : world.chunks.work) {
+        for (const auto& c : m.doubles) bytes += memory_bytes(c);
+        for (const auto& c : m.floats) bytes += memory_bytes(c);
+    }
     return bytes;
 }
 

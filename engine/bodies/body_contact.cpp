@@ -393,8 +393,9 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
     return true;
 }
 
-void undo_overlap(FeatureContact& c, double overlap, double recovery) {
-    const bool undo = overlap > (c.undone > 0 ? fitted::overlap_ends : fitted::overlap_begins);
+void undo_overlap(FeatureContact& c, double overlap, double begins, double recovery) {
+    const double ends = std::min({begins, fitted::overlap_ends, fitted::overlap_ends_share * recovery});
+    const bool undo = overlap > (c.undone > 0 ? ends : begins);
     c.offset = undo ? std::min(0.0, recovery - overlap) : 0;
     c.undone = undo ? std::min(overlap, recovery) : 0;
     if (undo) c.normal_multiplier = 0;

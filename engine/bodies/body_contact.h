@@ -106,9 +106,9 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
 /// Distance and normal of b at a point of a feature, both world, with b where `pose` is.
 SurfacePoint<double> surface_at(const FeatureContact& contact, const Shape& b, const Pose<double>& pose,
                                 const Vec3<double>& point, int side);
-/// A contact that begins its step with an `overlap` [m] of more than a tenth of a millimetre gives way by `recovery`
-/// [m] in this step, until none is left.
-void undo_overlap(FeatureContact& contact, double overlap, double recovery);
+/// A contact that begins its step with an `overlap` of more than `begins` [m] gives way by `recovery` [m] in this step,
+/// until none is left.
+void undo_overlap(FeatureContact& contact, double overlap, double begins, double recovery);
 
 struct PairEvaluation {
     double energy = 0, pending = 0, contact_force = 0;

@@ -24,8 +24,12 @@ inline constexpr double deepest_under_load = 1e-4;
 /// every step) [m].
 inline constexpr double rounded_gap = 2e-10;
 /// Solves that end early leave some hundredths of a millimetre of overlap; what is deeper was there before, and is
-/// undone until it is shallower than the second [m].
-inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5;
+/// undone until it is shallower than the second [m], or than this share of what a step undoes: what is left goes at
+/// once, which is a speed.
+inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5, overlap_ends_share = 0.2;
+/// No solve has left that of what was not near before: more than this is no contact's to push apart (a stack that began
+/// with 0.08 mm of it hopped at 80 mm/s in steps of 1 ms, at 800 in steps of 0.1) [m].
+inline constexpr double overlap_of_fresh = 1e-6;
 /// The point of an edge that counts follows the deepest one where that is within the second of these [m] (a can that
 /// lies on rails rolls off them by itself where it does not), and is another one where that is deeper by more than the
 /// first [m]; found by so many sections.

@@ -87,8 +87,8 @@ void find_near(BodyWork& w, int a) {
     if (s.wanted_pairs[a] > s.first_pair[a + 1] - s.first_pair[a]) grow_pairs(s, 0);
 }
 
-/// A pair at the start of a step in which it is near.
-void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& given) {
+/// A pair at the start of a step in which it is near; `fresh`: for the first time.
+void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<PairFriction>& given) {
     p.friction = pair_friction(w, given, p.a, p.b);
     double mass = 1e300;
     for (int object : {p.a, p.b})
@@ -106,9 +106,11 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
         for (std::size_t i = 0; i < features.size(); ++i)
             visit(p.contacts[i], touch_of(features[i], a.start, p.contacts[i], *b.shape, b.start, 0));
     };
+    const double overlap_begins = fresh ? fitted::overlap_of_fresh : fitted::overlap_begins;
     auto begin_contact = [&](FeatureContact& c, const Touch& at) {
         c.approach = -dot(point_velocity(w, p, at.point), at.surface.normal);
-        if (w.solver.inertia) undo_overlap(c, -at.surface.distance, w.solver.dt * w.solver.recovery_speed);
+        if (w.solver.inertia)
+            undo_overlap(c, -at.surface.distance, overlap_begins, w.solver.dt * w.solver.recovery_speed);
     };
     for_each_contact(begin_contact);
     if (find_way_out(p, features, a, b)) for_each_contact(begin_contact);
@@ -116,7 +118,7 @@ void begin_near_pair(BodyWork& w, BodyPair& p, const std::vector<PairFriction>& 
         return;
     for_each_contact([&](const FeatureContact& c, const Touch& at) {
         const double depth = -at.surface.distance;
-        if (c.undone > 0 && depth > w.s.deepest.depth) w.s.deepest = {p.a, p.b, depth, w.time};
+        if (c.undone > 0 && depth > std::max(w.s.deepest.depth, fitted::overlap_begins)) w.s.deepest = {p.a, p.b, depth, w.time};
     });
 }
 
@@ -142,7 +144,7 @@ void find_pairs(BodyWork& w, const std::vector<PairFriction>& given) {
             const std::size_t features = features_of_pair(w.s, *p).size();
             if (fresh || p->contacts.size() != features)
                 p->contacts.assign(features, FeatureContact{});  // within what it reserved
-            if (!w.s.objects[a].still || !w.s.objects[b].still) begin_near_pair(w, *p, given);
+            if (!w.s.objects[a].still || !w.s.objects[b].still) begin_near_pair(w, *p, fresh, given);
         }
     }
 }

@@ -65,23 +65,17 @@ inline Symmetric3<R> inverse_of_positive(const Symmetric3<R>& a, const R& least)
 }
 
 /// A matrix that is not less than the positive part of a (its negative eigenvalues made zero), and more by at most
-/// `positive_part_excess` times a's largest row sum. |a| = a sign(a), the sign by scaled Newton-Schulz iterations (Chen
-/// and Chow 2014, "A stable scaling of Newton-Schulz for improving the sign function computation"), which grow what is
-/// above a twentieth to one and all else towards it.
-inline constexpr double positive_part_excess = 0.0035;
+/// `positive_part_excess` times a's largest row sum r: (a + r/2)^2 / 2r. For max(x, 0) = (x + |x|) / 2, and x^2 + 1/8
+/// is the parabola nearest to |x| on [-1, 1], within 1/8 of it.
+inline constexpr double positive_part_excess = 0.125;
 template <class R>
 inline Symmetric3<R> positive_part_bound(const Symmetric3<R>& a) {
     using T = ScalarOf<R>;
-    constexpr double scale[5] = {1.688300, 1.620595, 1.466753, 1.221782, 1.040957};
-    const R xy = absolute(a.xy), xz = absolute(a.xz), yz = absolute(a.yz);
+    const R xy = absolute(a.xy), xz = absolute(a.xz), yz = absolute(a.yz), half = R(T(0.5));
     const R size = maximum(maximum(absolute(a.xx) + xy + xz, absolute(a.yy) + xy + yz), absolute(a.zz) + xz + yz);
-    Symmetric3<R> sign = (R(1) / maximum(size, R(std::numeric_limits<T>::min() * T(1e10)))) * a;
-    for (const double s : scale) {
-        const R linear(T(1.5 * s)), cubic(T(-0.5 * s * s * s));
-        sign = commuting_product(sign, plus_diagonal(linear, cubic * commuting_product(sign, sign)));
-    }
-    const R half = R(T(0.5)), margin = R(T(positive_part_excess));
-    return plus_diagonal(margin * size, half * (a + commuting_product(a, sign)));
+    const R inverse = R(1) / maximum(size, R(std::numeric_limits<T>::min() * T(1e10)));
+    const Symmetric3<R> shifted = plus_diagonal(half, inverse * a);
+    return (half * size) * commuting_product(shifted, shifted);
 }
 
 namespace detail {

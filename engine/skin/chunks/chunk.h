@@ -219,6 +219,7 @@ struct SkinChunk {
     bool has_bodies = false;
     bool has_soft_objects = false;
     bool keeps_matrix = false;  ///< Newton matrices are kept from step to step: blocks go with their fingers
+    int shared_work = -1;       ///< memory that it takes turns with (WorkMemory); -1: it has its own
     int own_frictions = 0;      ///< objects against which fingers have coefficients of their own; 0: they do not
     // Bits per lane (level_of_detail.cpp): what the step leaves out.
     unsigned asleep_lanes = 0;     ///< nothing is near, and nothing moves
@@ -341,10 +342,23 @@ std::size_t memory_bytes(const SkinChunk<T>& chunk);
 template <class T>
 void resize_fields(SkinChunk<T>& chunk);
 
+/// Whether a chunk has work memory of its own: what is solved together with bodies, or is linear, has.
+template <class T>
+bool has_own_work(const SkinChunk<T>& c) {
+    return c.shared_work < 0 || c.has_bodies || !c.linear.pairs.empty();
+}
+
+/// Work memory of one of those that solve at the same time (work_memory.h): chunks that hold nothing else.
+struct WorkMemory {
+    std::vector<SkinChunk<double>> doubles;
+    std::vector<SkinChunk<float>> floats;
+};
+
 /// All chunks of a world, by precision.
 struct SkinChunks {
     std::vector<SkinChunk<double>> doubles;
     std::vector<SkinChunk<float>> floats;
+    std::vector<WorkMemory> work;  ///< empty where every chunk has its own
 
     template <class Visit>
     void for_each(Visit visit) {

@@ -60,7 +60,12 @@ template <class T>
 void exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
     const bool both =
         (b.used_lanes >> lane_b) & 1u;  // an empty lane of a is left with numbers that can be reckoned with
-    a.keeps_matrix = b.keeps_matrix = a.keeps_matrix || b.keeps_matrix;  // one of them may have made no step yet
+    const bool keeps = a.keeps_matrix || b.keeps_matrix;  // one of them may have made no step yet
+    for (SkinChunk<T>* c : {&a, &b}) {
+        if (c->keeps_matrix == keeps) continue;
+        c->keeps_matrix = keeps;
+        if (c->shared_work >= 0) resize_fields(*c);
+    }
     for_each_field_of_both(a, b, [&](auto& of_a, auto& of_b, const Field& f) {
         if (f.owner == Owner::lane && stays_with_finger(f))
             exchange(of_a, a.width, lane_a, of_b, b.width, lane_b, both);

@@ -13,6 +13,7 @@ enum class Role {
     input,    ///< written before the step, for it
     output,   ///< of the step, read after it
     scratch,  ///< nothing that outlives the step
+    work,     ///< nothing that outlives the solve of its chunk: chunks may take turns with it (work_memory.h)
 };
 /// What each of its parts belongs to.
 enum class Owner { lane, slot, pair_of_slots };
@@ -31,7 +32,7 @@ inline std::size_t numbers_per_lane(const Field& f, int slot_capacity) {
 }
 
 /// Whether a field goes with its finger.
-inline bool stays_with_finger(const Field& f) { return f.role != Role::scratch; }
+inline bool stays_with_finger(const Field& f) { return f.role != Role::scratch && f.role != Role::work; }
 
 /// How many of what a chunk has.
 struct FieldSizes {
@@ -127,9 +128,10 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     using enum Owner;
     const FieldSizes n(c);
     auto& w = c.scratch;
+    auto work_of = [&](std::size_t size) { return Field{work, lane, has_own_work(c) ? size : 0}; };
     visit(w.start_position, Field{scratch, lane, 3 * n.N});
     visit(w.start_bone, Field{scratch, lane, 7});
-    visit(w.inertia_target, Field{scratch, lane, 3 * n.N});
+    visit(w.inertia_target, work_of(3 * n.N));
     visit(w.bone_springs, Field{input, lane, 9 * std::size_t(bone_spring_count)});
     visit(w.coupling_reach, Field{input, lane, 2});
     visit(w.slot_kind, Field{scratch, slot, 1});
@@ -141,23 +143,23 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.rise, Field{scratch, slot, n.curved});
     visit(w.slot_body, Field{scratch, slot, 1});
     visit(w.slot_frame, Field{scratch, slot, 24});
-    visit(w.base_position, Field{scratch, lane, 3 * n.N});
+    visit(w.base_position, work_of(3 * n.N));
     visit(w.base_bone, Field{scratch, lane, 7});
     visit(w.gradient, Field{output, lane, n.everything});
-    visit(w.pending, Field{scratch, lane, c.has_limits ? 3 * n.N : 0});
-    visit(w.direction, Field{scratch, lane, n.everything});
-    visit(w.permuted, Field{scratch, lane, 3 * n.unknowns});
-    const Role of_matrix = c.keeps_matrix ? state : scratch;
-    visit(w.blocks, Field{of_matrix, lane, 9 * std::size_t(c.topology->block_count)});
-    visit(w.factor, Field{scratch, lane, c.width > 1 ? 9 * std::size_t(c.topology->pattern.block_count) : 0});
-    visit(w.panels, Field{scratch, lane, c.width == 1 ? std::size_t(c.topology->supernodes.panel_scalars) : 0});
-    visit(w.panel_work, Field{scratch, lane, c.width == 1 ? std::size_t(c.topology->supernodes.work_scalars) : 0});
-    visit(w.first_direction, Field{scratch, lane, n.samples > 0 || n.limited > 0 ? n.everything : 0});
-    visit(w.sample_gradient, Field{scratch, lane, 3 * n.samples});
-    visit(w.sample_curvature, Field{scratch, lane, 9 * n.samples});
-    visit(w.contact_in_matrix, Field{of_matrix, lane, 9 * n.S});  // goes to chunks that have met nothing, too
-    visit(w.sample_residual, Field{scratch, lane, 3 * n.samples});
-    visit(w.limit_candidate, Field{scratch, lane, 9 * n.limited});
+    visit(w.pending, work_of(c.has_limits ? 3 * n.N : 0));
+    visit(w.direction, work_of(n.everything));
+    visit(w.permuted, work_of(3 * n.unknowns));
+    auto of_matrix = [&](std::size_t size) { return c.keeps_matrix ? Field{state, lane, size} : work_of(size); };
+    visit(w.blocks, of_matrix(9 * std::size_t(c.topology->block_count)));
+    visit(w.factor, work_of(c.width > 1 ? 9 * std::size_t(c.topology->pattern.block_count) : 0));
+    visit(w.panels, work_of(c.width == 1 ? std::size_t(c.topology->supernodes.panel_scalars) : 0));
+    visit(w.panel_work, work_of(c.width == 1 ? std::size_t(c.topology->supernodes.work_scalars) : 0));
+    visit(w.first_direction, work_of(n.samples > 0 || n.limited > 0 ? n.everything : 0));
+    visit(w.sample_gradient, work_of(3 * n.samples));
+    visit(w.sample_curvature, work_of(9 * n.samples));
+    visit(w.contact_in_matrix, of_matrix(9 * n.S));  // goes to chunks that have met nothing, too
+    visit(w.sample_residual, work_of(3 * n.samples));
+    visit(w.limit_candidate, work_of(9 * n.limited));
     visit(w.normal_candidate, Field{output, slot, n.S});
     visit(w.tangential_candidate, Field{output, slot, 3 * n.rubbing});
     visit(w.contact_normal, Field{scratch, slot, 3 * n.rubbing});

@@ -198,8 +198,10 @@ void choose_tissue(SkinChunk<T>& c, const SolverSettings& settings, std::int64_t
 
 template <class T>
 void choose_matrices(SkinChunk<T>& c, const SolverSettings& settings, std::int64_t step) {
-    // Linear tissue has a matrix of its own; without inertia, one step may be another world than the last.
-    c.keeps_matrix = settings.stiffness_steps > 1 && settings.inertia && c.linear.pairs.empty();
+    if (const bool keeps = may_keep_matrix(c, settings); keeps != c.keeps_matrix) {
+        c.keeps_matrix = keeps;
+        if (c.shared_work >= 0) resize_fields(c);
+    }
     const bool due = !c.keeps_matrix || step % settings.stiffness_steps == 0;
     for (int lane = 0; lane < c.width; ++lane) {
         T& kept = c.state.matrix_kept[std::size_t(lane)];

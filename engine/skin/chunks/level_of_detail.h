@@ -26,6 +26,13 @@ void choose_samples(SkinChunk<T>& chunk, const SolverSettings& settings);
 template <class T>
 void choose_tissue(SkinChunk<T>& chunk, const SolverSettings& settings, std::int64_t step);
 
+/// Whether settings let a chunk keep its Newton matrices. Linear tissue has a matrix of its own; without inertia, one
+/// step may be another world than the last.
+template <class T>
+bool may_keep_matrix(const SkinChunk<T>& c, const SolverSettings& settings) {
+    return settings.stiffness_steps > 1 && settings.inertia && c.linear.pairs.empty();
+}
+
 /// Before the solve: lets Newton matrices be kept, or has them assembled anew: in all chunks in the same steps.
 template <class T>
 void choose_matrices(SkinChunk<T>& chunk, const SolverSettings& settings, std::int64_t step);

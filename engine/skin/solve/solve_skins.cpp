@@ -1,7 +1,8 @@
-
 #include <algorithm>
+#include <atomic>
 
 #include "engine/skin/chunks/level_of_detail.h"
+#include "engine/skin/chunks/work_memory.h"
 #include "engine/skin/solve/kernels.h"
 #include "engine/skin/solve/solve_skin.h"
 #include "engine/systems.h"
@@ -24,9 +25,18 @@ void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
 }  // namespace
 
 void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks) {
-    auto solve = [&](int i) { chunks.with(i, [&](auto& c) { solve_or_leave(c, solver); }); };
-    if (chunks.count() == 1) return solve(0);
-    threads.for_each(chunks.count(), solve);
+    const int count = chunks.count();
+    if (chunks.work.empty()) {
+        auto solve = [&](int i) { chunks.with(i, [&](auto& c) { solve_or_leave(c, solver); }); };
+        if (count == 1) return solve(0);
+        return threads.for_each(count, solve);
+    }
+    std::atomic<int> next = 0;
+    threads.for_each(std::min(threads.count(), int(chunks.work.size())), [&](int who) {
+        WorkMemory& work = chunks.work[std::size_t(who)];
+        for (int i = next++; i < count; i = next++)
+            chunks.with(i, [&](auto& c) { with_work(c, work, [&] { solve_or_leave(c, solver); }); });
+    });
 }
 
 }  // namespace palpate
