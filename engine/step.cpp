@@ -43,8 +43,9 @@ void step(World& w, Threads& threads) {
                      w.finger_pairs, w.soft, w.body_solve, w.chunks);
     });
     end_cuts(w.deadline, w.chunks, w.body_solve);
-    timed(p.extract_contact,
-          [&] { extract_contact(w.skins, w.solver.tolerance, w.soft, w.chunks, w.couplings, w.contact_surfaces); });
+    timed(p.extract_contact, [&] {
+        extract_contact(w.skins, w.solver.tolerance, threads, w.soft, w.chunks, w.couplings, w.contact_surfaces);
+    });
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });
     timed(p.publish, [&] {
         publish(w.tracker_poses, w.couplings, w.matchings, w.time, w.solver.dt, w.sampled_at, w.device_links);

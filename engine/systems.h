@@ -67,8 +67,8 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
 /// Reads touching samples, forces and area of each finger, and each soft object, from its lane. Says in its status
 /// which nodes are pressed from inside, and that such a step has not converged; nor has a finger whose own forces are
 /// off balance by more than three times `tolerance` (of the solver, relative).
-void extract_contact(const Table<Skin>& skins, double tolerance, SoftObjects& soft, SkinChunks& chunks,
-                     Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
+void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, SoftObjects& soft,
+                     SkinChunks& chunks, Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
 
 /// Solves the thimbles that are due, in parallel.
 void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads, Table<Matching>& matchings,

@@ -195,8 +195,9 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
         out.objects[std::size_t(slot)].finger = o.finger;
     }
     std::fill(out.touches.begin(), out.touches.end(), 0);
+    const Mat3<double> of_bone = rotation_matrix(bone.rotation);
     for (std::size_t s = 0; s < S; ++s) {
-        out.position[s] = inverse_transform(bone, node_position(c, t.samples[s], lane));
+        out.position[s] = transposed_times(of_bone, node_position(c, t.samples[s], lane) - bone.position);
         out.force[s] = out.pressing[s] = {0, 0, 0};
     }
     if (slots > 0 || !out.bulge.empty()) find_outward(out);
@@ -215,8 +216,7 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
             force.pressing += f.pressing;
             normal_force += std::max(normal, 0.0);
             felt = true;
-            if (s < S && normal > 0)
-                pressed_from_inside += is_pressed_from_inside(f, rotation_matrix(bone.rotation) * out.outward[s]);
+            if (s < S && normal > 0) pressed_from_inside += is_pressed_from_inside(f, of_bone * out.outward[s]);
         }
         if (!felt) continue;
         const char touches = normal_force > 0;
@@ -357,9 +357,9 @@ void extract_soft(const Table<Skin>& skins, double tolerance, SoftObjects& soft,
 
 }  // namespace
 
-void extract_contact(const Table<Skin>& skins, double tolerance, SoftObjects& soft, SkinChunks& chunks,
-                     Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
-    for (std::size_t row = 0; row < surfaces.size(); ++row) {
+void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, SoftObjects& soft,
+                     SkinChunks& chunks, Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
+    auto extract_row = [&](std::size_t row) {
         const EntityId finger = surfaces.owner(row);
         const Skin& skin = *skins.find(finger);
         Coupling& coupling = *couplings.find(finger);
@@ -367,7 +367,19 @@ void extract_contact(const Table<Skin>& skins, double tolerance, SoftObjects& so
             if (!((chunk.unchanged_lanes >> skin.lane) & 1u))
                 extract(chunk, skin.lane, tolerance, coupling, surfaces[row]);
         });
-    }
+    };
+    // A few are done sooner than threads are woken.
+    constexpr std::size_t at_once = 16;
+    const std::size_t parts = surfaces.size() < 3 * at_once ? 1 : (surfaces.size() + at_once - 1) / at_once;
+    auto extract_part = [&](int part) {
+        const std::size_t first = std::size_t(part) * at_once;
+        const std::size_t last = parts == 1 ? surfaces.size() : std::min(surfaces.size(), first + at_once);
+        for (std::size_t row = first; row < last; ++row) extract_row(row);
+    };
+    if (parts == 1)
+        extract_part(0);
+    else
+        threads.for_each(int(parts), extract_part);
     add_slips(surfaces);
     extract_soft(skins, tolerance, soft, chunks, surfaces);
 }
