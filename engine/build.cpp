@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <stdexcept>
@@ -154,6 +155,25 @@ bool yielding(const SceneSpec& spec) {
     return std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.stiffness > 0; });
 }
 
+/// Where some fingers of a chunk may be solved together with bodies or each other, and others not: a chunk in which
+/// these can go on by themselves (gather_lanes), for each kind of chunk.
+template <class T>
+void add_places_to_part(const SceneSpec& spec, std::vector<SkinChunk<T>>& chunks, std::size_t first) {
+    const bool soft = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.tissue; });
+    if (!has_bodies(spec) && !soft && !(spec.fingers_touch && spec.fingers.size() > 2)) return;
+    const std::size_t last = chunks.size();
+    for (std::size_t k = first; k < last; ++k) {
+        int widest = 0;
+        bool before = false;
+        for (std::size_t i = first; i < last; ++i) {
+            if (!alike(chunks[k], chunks[i])) continue;
+            before |= i < k;
+            if (std::popcount(chunks[i].used_lanes) > 1) widest = std::max(widest, chunks[i].width);
+        }
+        if (!before && widest > 0) chunks.push_back(spare_chunk(chunks[k], widest));
+    }
+}
+
 template <class T>
 void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChunk<T>>& chunks, SkinChunks& all,
                  std::vector<Skin>& skins) {
@@ -193,6 +213,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         fill_empty_lanes(chunk);
         first = last;
     }
+    add_places_to_part(spec, chunks, first_chunk);
     share_work(chunks, first_chunk, all);
     if (!shared || !spec.solver.inertia || spec.solver.sleep_speed <= 0) return;
     // A few fingers that touch, of many, are solved apart from the others (gather_lanes).

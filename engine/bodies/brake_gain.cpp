@@ -172,7 +172,9 @@ void brake_gains(BodyWork& w) {
         const double energy =
             0.5 * (body.mass * dot(speed, speed) + dot(angular_velocity(body, b.pose.rotation), body.angular_momentum));
         // Nor does a step that ended early leave a body higher than anything lifted it: it stays where it was.
-        if (!body.converged && excess > energy + fitted::least_throw * norm(b.weight)) {
+        // (What its island has converged with is where skin was found to touch it.)
+        const bool ended_early = !body.converged && !w.s.islands[std::size_t(b.island)].progress.converged;
+        if (ended_early && excess > energy + fitted::least_throw * norm(b.weight)) {
             b.pose = b.start;
             shape.pose = object_pose(body, b.pose);
             body.velocity = body.angular_momentum = {0, 0, 0};

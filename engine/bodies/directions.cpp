@@ -297,11 +297,13 @@ void follow_contacts(Work& w) {
 }  // namespace
 
 void find_directions(BodyWork& w) {
-    solve_direction(
-        w, [](const Island& i) { return bool(i.decision.newton); }, Condense::gradient);
+    auto newton_of = [](bool soft) { return [soft](const Island& i) { return i.decision.newton && i.soft == soft; }; };
+    solve_direction(w, newton_of(true), Condense::gradient);
     for (int i = 0; i < w.s.island_count; ++i)
         if (Island& island = w.s.islands[std::size_t(i)]; island.soft && island.decision.newton)
             couple_soft_objects(w, island);
+    // After them: conjugate gradients leave nothing of what other lanes of a chunk go on with.
+    solve_direction(w, newton_of(false), Condense::gradient);
     if (w.solver.contact_iterations > 0) follow_contacts(w);
 }
 

@@ -162,6 +162,7 @@ void end_body_step(BodyWork& w) {
     end_bodies(w);
     brake_recovery(w);
     brake_gains(w);
+    keep_momentum(w);
     bounce(w);
     forget_no_results(w);
     put_to_sleep(w);

@@ -106,11 +106,12 @@ void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<Pai
         for (std::size_t i = 0; i < features.size(); ++i)
             visit(p.contacts[i], touch_of(features[i], a.start, p.contacts[i], *b.shape, b.start, 0));
     };
-    const double overlap_begins = fresh ? fitted::overlap_of_fresh : fitted::overlap_begins;
+    const double recovery = w.solver.dt * w.solver.recovery_speed;
+    const double overlap_begins = fresh ? std::min(fitted::overlap_of_fresh, fitted::overlap_of_fresh_share * recovery)
+                                        : fitted::overlap_begins;
     auto begin_contact = [&](FeatureContact& c, const Touch& at) {
         c.approach = -dot(point_velocity(w, p, at.point), at.surface.normal);
-        if (w.solver.inertia)
-            undo_overlap(c, -at.surface.distance, overlap_begins, w.solver.dt * w.solver.recovery_speed);
+        if (w.solver.inertia) undo_overlap(c, -at.surface.distance, overlap_begins, recovery);
     };
     for_each_contact(begin_contact);
     if (find_way_out(p, features, a, b)) for_each_contact(begin_contact);

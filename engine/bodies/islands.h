@@ -104,6 +104,9 @@ bool misses_what_acted(const RigidBody& body, const BodyProgress& progress, doub
 /// No contact gives a body more energy than what it belongs to has lost: takes the rest from its velocity. Where a long
 /// step takes a body past something round, the force at the end of its way lies along that way, and works.
 void brake_gains(BodyWork& work);
+/// Bodies that only each other have touched keep their momentum, and those that nothing has touched fly on, however the
+/// solve has ended (keep_momentum.cpp).
+void keep_momentum(BodyWork& work);
 
 /// Whether an overlap of a pair has been undone in this step.
 bool is_recovering(const BodyPair& pair);

@@ -1,6 +1,7 @@
 // Blows with restitution and friction against closed forms, wherever within a step they fall.
 
 #include <random>
+#include <sstream>
 
 #include "engine/bodies/body_contact.h"
 #include "tests/engine/lab.h"
@@ -217,6 +218,60 @@ TEST(Crowd, WhatHasNoRoomIsNotThrown) {
             }
             EXPECT_LT(fastest, 0.4) << 1e3 * dt << " ms, " << turned;
         }
+}
+
+/// Bodies that only each other have touched, in steps of all lengths and with solves that end early: together they have
+/// the momentum that they began with, no more energy, and forces that say what became of each. (Half of the momentum,
+/// or nearly all of it, once was lost with what a short solve had left of a way.)
+TEST(Collision, FreeBodiesKeepTheirMomentum) {
+    struct Way {
+        int iterations;
+        double tolerance, dt;
+    };
+    const Shape box{ShapeKind::box, {0.012, 0.01, 0.008}}, rod{ShapeKind::capsule, {0.006, 0.02, 0}};
+    for (const Way& way : {Way{1, 1e-3, 1e-3}, Way{1, 1e-3, 2e-3}, Way{1, 1e-3, 5e-3}, Way{2, 1e-4, 1e-3},
+                           Way{2, 1e-4, 5e-3}, Way{200, 1e-7, 1e-3}, Way{200, 1e-7, 5e-3}, Way{200, 1e-7, 1e-2}})
+        for (const Shape& hit : {testing::ball, box, rod})
+            for (const double aside : {0.0, 0.001, 0.006}) {
+                SceneSpec spec = afloat(way.dt);
+                spec.solver.newton_iterations = way.iterations;
+                spec.solver.tolerance = way.tolerance, spec.solver.multiplier_tolerance = 10 * way.tolerance;
+                spec.objects = {body(testing::ball, 0.02, {-0.0513, 0, aside}, 0.3), body(hit, 0.02, {0, 0, 0}, 0.3),
+                                body(testing::ball, 0.01, {0.045, 0.002, 0}, 0.3)};
+                Lab lab(spec);
+                lab.world.bodies[0].velocity = {3, 0, 0};
+                lab.world.bodies[1].angular_momentum = {0, 1e-6, 2e-6};
+                auto momentum = [&] {
+                    Vec3<double> sum{0, 0, 0};
+                    for (const RigidBody& b : lab.world.bodies) sum += b.mass * b.velocity;
+                    return sum;
+                };
+                auto energy = [&] {
+                    double sum = 0;
+                    for (const VirtualObject& o : lab.world.shapes)
+                        if (o.body >= 0) sum += kinetic_energy(lab.world.bodies[std::size_t(o.body)], o.pose.rotation);
+                    return sum;
+                };
+                const Vec3<double> begun = momentum();
+                double had = energy();
+                std::ostringstream what;
+                what << way.iterations << " iterations, " << way.dt << " s, kind " << int(hit.kind) << ", " << aside;
+                for (double t = 0; t < 0.06; t += way.dt) {
+                    std::vector<Vec3<double>> before;
+                    for (const RigidBody& b : lab.world.bodies) before.push_back(b.velocity);
+                    lab.run(way.dt);
+                    EXPECT_LT(norm(momentum() - begun), 2e-5 * norm(begun)) << what.str() << ", " << t;
+                    EXPECT_LT(energy(), had * (1 + 2e-5)) << what.str() << ", " << t;
+                    had = energy();
+                    for (std::size_t i = 0; i < before.size(); ++i) {
+                        const RigidBody& b = lab.world.bodies[i];
+                        EXPECT_LT(norm(b.contact_force - (b.mass / way.dt) * (b.velocity - before[i])),
+                                  1e-4 * norm(begun) / way.dt)
+                            << what.str() << ", body " << i << ", " << t;
+                    }
+                }
+                EXPECT_LT(lab.world.bodies[0].velocity.x, 2.9) << what.str();
+            }
 }
 
 }  // namespace

@@ -276,6 +276,51 @@ TEST(FingerPairs, TheSameBitsAloneAndBesideOthersAndForAnyNumberOfThreads) {
     }
 }
 
+/// A finger far from a pair that touches, or from one that presses a body, slides on a plate by itself: in whatever
+/// chunk it begins, with matrices that are kept, too.
+TEST(FingerPairs, OneFarFromThemIsTheSameBitsAsAlone) {
+    for (const bool single : {false, true})
+        for (const bool with_body : {false, true}) {
+            SceneSpec spec = pairs_in_a_row(1, single);
+            FingerSpec third = spec.fingers[0];
+            third.name = "far";
+            third.start.position.y = 0.2;
+            spec.fingers.push_back(third);
+            spec.objects.push_back({"plate",
+                                    {ShapeKind::box, {0.02, 0.02, 0.005}},
+                                    {{0, 0.2, third.start.position.z - 0.0092}, as_it_is},
+                                    0.5});
+            if (with_body) {
+                spec.fingers_touch = false;
+                spec.gravity = {0, 0, 0};
+                ObjectSpec body{"body", {ShapeKind::box, {0.02, 0.02, 0.005}}, {{0, 0, -0.0052}, as_it_is}, 0.5};
+                body.body = solid_body(body.shape, 0.02);
+                spec.objects.push_back(body);
+            }
+            spec.solver.newton_iterations = 2, spec.solver.stiffness_steps = 16;
+            spec.solver.tolerance = 1e-4, spec.solver.multiplier_tolerance = 1e-3;
+            SceneSpec by_itself = spec;
+            by_itself.fingers = {third};
+            by_itself.objects.resize(1);
+            Lab beside(spec), alone(by_itself);
+            auto slide = [](double t, World& w, std::size_t finger) {
+                TrackerPose::Sample& s = w.tracker_poses.find(w.couplings[finger].tracker)->incoming;
+                s.pose = w.skins[finger].start;
+                s.pose.position += Vec3<double>{0.02 * std::max(0.0, t - 0.05), 0, -0.04 * std::min(t, 0.05)};
+            };
+            int coupled = 0;
+            for (int k = 0; k < 20; ++k) {
+                beside.run(0.005, [&](double t, World& w) { press_all(t, w), slide(t, w, 2); });
+                alone.run(0.005, [&](double t, World& w) { slide(t, w, 0); });
+                coupled += beside.world.contact_surfaces[0].normal_force > 0;
+                ASSERT_TRUE(same_bits(beside.world.contact_surfaces[2], alone.world.contact_surfaces[0]))
+                    << single << with_body << ", step " << k;
+            }
+            EXPECT_GT(alone.world.contact_surfaces[0].normal_force, 0.05);
+            EXPECT_GT(coupled, 3);
+        }
+}
+
 /// Gives a finger a velocity.
 void throw_finger(World& w, std::size_t finger, const Vec3<double>& velocity) {
     const Skin& skin = w.skins[finger];

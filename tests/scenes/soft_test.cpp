@@ -149,6 +149,42 @@ TEST(Soft, EveryPresetBearsTheSame) {
     }
 }
 
+/// What a finger on something soft needs is no matter of others that its chunk holds: one on a rigid table 200 mm away,
+/// and one that holds a body, once felt 110 N for 0.18.
+TEST(Soft, OthersFarFromItAreTheSameBitsAsAlone) {
+    const std::string start =
+        "duration_s = 0.15\n[solver]\npreset = \"balanced\"\n[[object]]\nname = \"table\"\nkind = \"plane\"\nfriction "
+        "= 0.5\n[[object]]\nname = \"block\"\nkind = \"box\"\nsize_mm = [20, 20, 10]\nposition_mm = [400, 0, "
+        "5]\nmass_g = 20\nfriction = 0.5\n";
+    auto finger = [](const char* name, double x, double high) {
+        return std::string("[[finger]]\nname = \"") + name +
+               "\"\nfinger = \"index-median\"\ntrack = [ { t_s = 0, position_mm = [" + std::to_string(x) + ", 0, " +
+               std::to_string(high) + "] }, { t_s = 0.08, position_mm = [" + std::to_string(x) + ", 0, " +
+               std::to_string(high - 3) + "] }, { t_s = 0.2, position_mm = [" + std::to_string(x + 4) + ", 0, " +
+               std::to_string(high - 3) + "] } ]\n";
+    };
+    const std::string others = finger("slides", 200, 10) + finger("holds", 400, 20);
+    Simulation alone = load(start + others);
+    Simulation beside =
+        load(start +
+             "[[object]]\nname = \"slab\"\nkind = \"box\"\nsize_mm = [40, 40, 15]\nposition_mm = [0, 0, "
+             "7.5]\nsoft = { young_kPa = 10, elements = 200, fixed = \"bottom\" }\n" +
+             finger("presses", 0, 25) + others);
+    double pressed = 0, felt = 0;
+    for (int k = 0; k < 30; ++k) {
+        advance(alone), advance(beside);
+        pressed = std::max(pressed, beside.world.contact_surfaces[0].normal_force);
+        for (std::size_t i = 0; i < 2; ++i) {
+            const ContactSurface &a = alone.world.contact_surfaces[i], &b = beside.world.contact_surfaces[i + 1];
+            felt = std::max(felt, a.normal_force);
+            ASSERT_EQ(a.normal_force, b.normal_force) << i << ", step " << k;
+            ASSERT_EQ(a.total.x, b.total.x) << i << ", step " << k;
+        }
+    }
+    EXPECT_GT(pressed, 0.05);
+    EXPECT_GT(felt, 0.1);
+}
+
 TEST(Soft, ATableSaysWhatBecameOfIt) {
     Simulation s = load(slab());
     double most = 0;

@@ -248,12 +248,17 @@ unsigned near_lanes(const SkinChunk<T>& c) {
 }
 
 template <class T>
-bool solved_with_others(const SkinChunk<T>& c) {
-    if (c.soft_lanes != 0) return true;
+unsigned coupled_lanes(const SkinChunk<T>& c) {
+    unsigned lanes = c.soft_lanes;
     for (int lane = 0; lane < c.width; ++lane)
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
-            if (c.contacts.at(slot, lane).body >= 0) return true;
-    return false;
+            if (c.contacts.at(slot, lane).body >= 0) lanes |= 1u << lane;
+    return lanes;
+}
+
+template <class T>
+bool solved_with_others(const SkinChunk<T>& c) {
+    return coupled_lanes(c) != 0;
 }
 
 #define PALPATE_INSTANTIATE(T)                                                 \
@@ -264,6 +269,7 @@ bool solved_with_others(const SkinChunk<T>& c) {
     template void end_slots(SkinChunk<T>&, const SolverSettings&);             \
     template void place_slots(SkinChunk<T>&);                                  \
     template unsigned near_lanes(const SkinChunk<T>&);                         \
+    template unsigned coupled_lanes(const SkinChunk<T>&);                      \
     template bool solved_with_others(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)
 PALPATE_INSTANTIATE(float)

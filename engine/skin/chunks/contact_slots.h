@@ -86,6 +86,10 @@ void place_slots(SkinChunk<T>& chunk);
 template <class T>
 unsigned near_lanes(const SkinChunk<T>& chunk);
 
+/// Bits of the lanes that are near a body, a soft object, or another finger: they are solved together with it.
+template <class T>
+unsigned coupled_lanes(const SkinChunk<T>& chunk);
+
 /// Whether a body, another finger or a soft object is near some lane.
 template <class T>
 bool solved_with_others(const SkinChunk<T>& chunk);

@@ -240,13 +240,17 @@ void coupled_condense(SkinChunk<ScalarOf<R>>& c, unsigned lanes, Condense what) 
         });
     }
     if (what == Condense::given) std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
-    detail::report<R>(c, &LaneReport::bad_pivots, what == Condense::given ? R(T(0)) : detail::factor_matrix<R>(c));
+    const auto& changed = c.scratch.changed_columns;
+    const bool same_matrix = what == Condense::given ||
+                             (what == Condense::residual &&
+                              std::none_of(changed.begin(), changed.end(), [](unsigned char k) { return k != 0; }));
+    detail::report<R>(c, &LaneReport::bad_pivots, same_matrix ? R(T(0)) : detail::factor_matrix<R>(c));
     detail::solve_forward<R>(c);
-    if (what != Condense::given) {
+    if (!same_matrix) {
         detail::fill_columns<R>(c);
         detail::solve_columns_forward<R>(c);
     }
-    detail::condense<R>(c, what != Condense::given);
+    detail::condense<R>(c, !same_matrix);
 }
 
 /// With the bodies' step known: the lanes' part of the direction, set by the first call and added to by further ones.

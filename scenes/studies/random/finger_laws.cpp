@@ -129,7 +129,7 @@ void check_friction(const Watched& v, Findings& found) {
 }
 
 bool sticks(const ObjectContact& o) {
-    return o.normal_force > 0.05 && o.friction_available > 0 && o.friction_force < 0.7 * o.friction_available;
+    return o.normal_force > 0.1 && o.friction_available > 0 && o.friction_force < 0.7 * o.friction_available;
 }
 
 bool stuck_before(const FingerState& before, const ObjectContact& now) {
