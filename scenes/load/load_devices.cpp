@@ -263,7 +263,7 @@ void check_force_mode(Section& s, const ThimbleSpec& t, const DriverSpec& driver
 
 const std::vector<NamedDriver>& drivers() {
     static const std::vector<NamedDriver> all{
-        {"simulated", "a hobby servo per joint: pulse steps, delay, slew rate (the default)"},
+        {"simulated", "a servo per joint: pulse steps, delay, slew rate (the default)"},
         {"maestro", "Pololu Maestro on USB, 6 to 24 channels; serial, where there are several"},
         {"maestro-dry", "writes the exact USB transfers to maestro_SERIAL.csv in the results"},
         {"maestro-serial", "Pololu Maestro on a tty, by its compact protocol; port"},
@@ -322,8 +322,7 @@ void read_thimble_loop(Section s, Scene& scene) {
         ServoModel& m = scene.servo;
         servo.number("pulse_step_us", m.pulse_step_us, unit::us, servo_model_bounds::pulse_step_us,
                      "Resolution of the pulse.");
-        servo.number("us_per_rad", m.calibration.units_per_rad, unit::us_per_rad, servo_bounds::units_per_rad,
-                     "Pulse per angle.");
+        servo.number("us_per_rad", m.us_per_rad, unit::us_per_rad, servo_bounds::units_per_rad, "Pulse per angle.");
         servo.number("delay_ms", m.delay_s, unit::ms, in(unit::ms, servo_model_bounds::delay_s),
                      "The pulse that is read is that old.");
         servo.number("slew_rad_per_s", m.slew_rad_per_s, unit::rad_per_s, servo_model_bounds::slew_rad_per_s,
