@@ -111,6 +111,21 @@ DriverSpec make_driver(Section& s, const DriverKeys& k, const DeviceModel& model
     return d;
 }
 
+/// A joint's name is that of its column in results.
+void check_joint_name(Section& s, const std::string& name, const std::vector<ChainJoint>& others) {
+    if (has_controls(name) || name.find_first_of("\",") != std::string::npos || name.empty() || name.size() > 80)
+        s.complain("name",
+                   "a joint's name is that of a column of results: not empty, no quotes, commas or control characters, "
+                   "and at most 80 letters");
+    for (const ChainJoint& other : others)
+        if (other.name == name) s.complain("name", "two joints are called '" + name + "'");
+    for (const char* column : {"q", "sent", "servo"})
+        for (int j = 1; j <= max_device_dimension; ++j)
+            if (name == column + std::to_string(j))
+                s.complain("name", "'" + name + "' is what results call an angle of joint " + std::to_string(j) +
+                                       ": choose another name");
+}
+
 /// kind = "chain": joints from the mount to the platform.
 Chain read_chain(Section& s) {
     Chain chain;
@@ -119,7 +134,8 @@ Chain read_chain(Section& s) {
     for (Section& j : s.tables("joint", "Of a chain: its joints, from the mount to the platform.")) {
         ChainJoint joint;
         joint.name = "joint " + std::to_string(chain.joints.size() + 1);
-        j.text("name", joint.name, "What it is called.");
+        j.text("name", joint.name, "What it is called, in results, too.");
+        check_joint_name(j, joint.name, chain.joints);
         j.boolean("slides", joint.slides, "It slides along its axis instead of turning about it.");
         Vec3<double> axis{0, 0, 1}, point{0, 0, 0};
         j.vector("axis", axis, unit::one, 1e3, "Its axis, in the device's frame.");
