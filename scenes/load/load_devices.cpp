@@ -221,7 +221,7 @@ void read_matching(Section& s, ThimbleSpec& t) {
     std::optional<double> speed;
     s.number("joint_speed_deg_per_s", speed, unit::deg_per_s, {1, 1e5},
              "Fastest that a joint may move from one match to the next; without it, as it likes.");
-    if (speed) m.joint_step = t.period * *speed;
+    if (speed) m.joint_speed = *speed;
     s.integer("sideways_starts", m.sideways_starts, {0, 1000},
               "Searches beside the contact, of platforms that can slide along themselves.");
     s.boolean("non_contact", m.non_contact,
