@@ -132,7 +132,7 @@ void force_bound(benchmark::State& state) {
     std::vector<Coordinates> matched;
     for (const Rendered& r : all) {
         matcher.wanted = r.wanted;
-        matched.push_back(match_forces(matcher, m.model, settings, r.geometric).w);
+        matched.push_back(match_forces(matcher, m.model, m.points, settings, m.model.rest, r.geometric).w);
     }
     settings.force_iterations = 60;
     const std::size_t every = std::max<std::size_t>(1, all.size() / 8);

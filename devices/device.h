@@ -89,6 +89,14 @@ std::vector<std::string> validate(const DeviceModel& model);
 /// [2 x joints], all >= 0 inside the workspace.
 Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * max_device_dimension, 1> joint_margins(const DeviceModel& model,
                                                                                        const Coordinates& q);
+/// Box of w in which a search without joint limits stays: the kind's, and of an open chain, whose w are its joints, all
+/// that the model's joints can do, too.
+struct ConfigurationBox {
+    Coordinates low, high;
+};
+ConfigurationBox search_box(const DeviceModel& model);
+/// Whether a joint is at one of its limits.
+bool at_a_limit(const DeviceModel& model, const Coordinates& q);
 /// Whether w can be reached: legs close and all joints are inside their limits.
 bool inside_workspace(const DeviceModel& model, const Coordinates& w, double tolerance = 0);
 

@@ -142,6 +142,8 @@ struct Matching {
     double period = 0.020;              ///< [s]
     double next = 0;                    ///< simulation time of the next solve [s]
     bool fresh = false;                 ///< solved in this step
+    double solved_at = 0;               ///< simulation time of the last solve [s]
+    double since_last = 0;              ///< time from the solve before to the last; before the first, a period [s]
     std::vector<MatchingPoint> points;  ///< scratch, [sample]
     MatchingResult result, geometric;   ///< geometric: what force matching started from
     bool force_mode = false;            ///< the platform is pushed with the contact's force, not to its place

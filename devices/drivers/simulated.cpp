@@ -9,7 +9,7 @@ std::vector<std::string> ServoModel::validate() const {
     std::vector<std::string> wrong;
     namespace bounds = servo_model_bounds;
     check(pulse_step_us, bounds::pulse_step_us, "the servo's pulse step", " us", wrong);
-    for (auto& sentence : calibration.validate()) wrong.push_back(std::move(sentence));
+    check(us_per_rad, servo_bounds::units_per_rad, "the servo's pulse per angle", " us/rad", wrong);
     check(delay_s, bounds::delay_s, "the servo's delay", " s", wrong);
     check(slew_rad_per_s, bounds::slew_rad_per_s, "the servo's slew rate", " rad/s", wrong);
     return wrong;
@@ -26,11 +26,9 @@ class SimulatedDriver final : public Driver {
     DriverStatus send(const Coordinates& q, double now, double) override {
         advance(now);
         Coordinates target(q.size());
-        const ServoCalibration& c = servo_.calibration;
-        for (int i = 0; i < q.size(); ++i) {
-            const double us = std::clamp(c.zero + c.units_per_rad * q[i], c.min, c.max);
-            target[i] = (std::round(us / servo_.pulse_step_us) * servo_.pulse_step_us - c.zero) / c.units_per_rad;
-        }
+        // Steps are counted from joint angle 0, so that both directions are alike.
+        const double step = servo_.pulse_step_us / servo_.us_per_rad;
+        for (int i = 0; i < q.size(); ++i) target[i] = step * std::round(q[i] / step);
         pulses_[next_] = {now + servo_.delay_s, target};
         next_ = (next_ + 1) % pulses_.size();
         return DriverStatus::ok;

@@ -1,5 +1,6 @@
 #pragma once
-// A hobby servo per joint: pulse quantisation, frame delay and slew rate, without hardware.
+// A servo per joint: pulse quantisation, frame delay and slew rate, without hardware. It reaches whatever its joint may
+// do: what a real servo's range cuts off is the calibration's, and warned of where that is loaded.
 
 #include <array>
 #include <memory>
@@ -12,7 +13,7 @@ namespace palpate {
 
 struct ServoModel {
     double pulse_step_us = 0.25;  ///< resolution of the pulse
-    ServoCalibration calibration;
+    double us_per_rad = 636.62;   ///< 1000 us for 90 degrees
     double delay_s = 0.020;       ///< the pulse that is read is one frame old
     double slew_rad_per_s = 8.7;  ///< 60 degrees in 0.12 s
     std::vector<std::string> validate() const;

@@ -52,6 +52,14 @@ Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * max_device_dimension, 1> joint_m
     return c;
 }
 
+ConfigurationBox search_box(const DeviceModel& model) {
+    const DeviceKind& kind = *model.kind;
+    if (!kind.open_chain) return {kind.configuration_min, kind.configuration_max};
+    return {kind.configuration_min.cwiseMin(model.joint_min), kind.configuration_max.cwiseMax(model.joint_max)};
+}
+
+bool at_a_limit(const DeviceModel& model, const Coordinates& q) { return joint_margins(model, q).minCoeff() < 1e-5; }
+
 bool inside_workspace(const DeviceModel& model, const Coordinates& w, double tolerance) {
     if (!w.allFinite()) return false;
     const Joints joints = model.kind->joints(model, w);

@@ -28,7 +28,9 @@ std::array<Leg, 3> legs_of(const DeviceModel& m) {
         leg.A = fixed_seat(m, k);
         leg.B = mobile_seat(m, k);
         Vector3d u = leg.B - leg.A;
-        if (u.norm() < 1e-9) u = leg.A;  // cranks that end above their seats: radial planes
+        // Cranks that end above their seats: radial planes. Seats that differ by less than any is built to are one, or
+        // the last digit of a length would turn the planes by a right angle.
+        if (u.norm() < 1e-3 * leg.A.norm()) u = leg.A;
         if (u.dot(leg.A) < 0) u = -u;
         leg.u = u.normalized();
         leg.t = Vector3d(-leg.u.y(), leg.u.x(), 0);

@@ -10,6 +10,21 @@
 
 namespace palpate {
 
+void judge(const DeviceModel& model, const std::vector<MatchingPoint>& points, const MatchingSettings& settings,
+           const Coordinates& previous, MatchingResult& r) {
+    r.q = model.kind->joints(model, r.w).q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
+    r.residual = matching_objective(model, points, settings, previous, r.w).value;
+    r.constraint_active = at_a_limit(model, r.q);
+    const Platform platform = model.kind->platform(model, r.w);
+    double sum = 0, weights = 0;
+    for (const MatchingPoint& p : points)
+        if (p.touches) {
+            const double d = disk_distance(p.position, platform, model.disk_radius).value;
+            sum += p.weight * d * d, weights += p.weight;
+        }
+    r.rms_m = weights > 0 ? std::sqrt(sum / weights) : 0;
+}
+
 namespace {
 
 MatchingResult finish(const DeviceModel& model, const std::vector<MatchingPoint>& points,
@@ -19,17 +34,7 @@ MatchingResult finish(const DeviceModel& model, const std::vector<MatchingPoint>
     r.w = w;
     r.status = status;
     r.evaluations = evaluations;
-    r.q = model.kind->joints(model, w).q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
-    r.residual = matching_objective(model, points, settings, previous, w).value;
-    r.constraint_active = joint_margins(model, r.q).minCoeff() < 1e-5;
-    const Platform platform = model.kind->platform(model, w);
-    double sum = 0, weights = 0;
-    for (const MatchingPoint& p : points)
-        if (p.touches) {
-            const double d = disk_distance(p.position, platform, model.disk_radius).value;
-            sum += p.weight * d * d, weights += p.weight;
-        }
-    r.rms_m = weights > 0 ? std::sqrt(sum / weights) : 0;
+    judge(model, points, settings, previous, r);
     return r;
 }
 
@@ -119,6 +124,7 @@ MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingP
     if (normal.z() > 0) normal = -normal;  // towards the finger
 
     // Configuration with that normal, its plane through the centre of the points: Gauss-Newton.
+    const ConfigurationBox box = search_box(model);
     Coordinates w = model.rest;
     for (int i = 0; i < 20; ++i) {
         const Platform platform = model.kind->platform(model, w);
@@ -131,7 +137,7 @@ MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingP
         DeviceJacobian H = J.transpose() * J;
         H.diagonal().array() += 1e-12;
         w -= Coordinates(H.ldlt().solve(J.transpose() * r));
-        w = w.cwiseMax(model.kind->configuration_min).cwiseMin(model.kind->configuration_max);
+        w = w.cwiseMax(box.low).cwiseMin(box.high);
     }
     return finish(model, points, settings, start, project_to_workspace(model, w), MatchingStatus::matched, 1);
 }

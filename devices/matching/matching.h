@@ -48,7 +48,7 @@ struct MatchingSettings {
     int evaluations = 100;    ///< most evaluations of the objective
     double smoothing = 0;     ///< weight of the distance from the last configuration [mm^2]
     bool non_contact = true;  ///< include N_O (Eq. 3's second sum)
-    double joint_step = 0;  ///< farthest that a joint may move from one match to the next [rad]; 0: as far as it likes
+    double joint_speed = 0;   ///< fastest that a joint may move from one match to the next [rad/s]; 0: as it likes
     int sideways_starts = 8;  ///< searches beside the contact, of platforms that can slide along themselves
     // Of the method "force" (engine/thimbles/force_matching.h):
     int force_rounds = 1;      ///< solves of the pad, in all lanes at once, per rendering step
@@ -87,6 +87,11 @@ struct MatchingResult {
     bool constraint_active = false;  ///< a joint is at its limit
     double force_residual_N = 0;     ///< root of the sum of squares, or the sum, of weighted errors of forces
 };
+
+/// Fills in what follows from a result's configuration w: joints, objective, distance to what it should touch, and
+/// whether a joint is at its limit.
+void judge(const DeviceModel& model, const std::vector<MatchingPoint>& points, const MatchingSettings& settings,
+           const Coordinates& previous, MatchingResult& result);
 
 /// Eq. 2: minimise f over w subject to C(q(w)) >= 0, from the warm start `previous`.
 MatchingResult match_constrained(const DeviceModel&, const std::vector<MatchingPoint>&, const MatchingSettings&,

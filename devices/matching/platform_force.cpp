@@ -45,7 +45,8 @@ Coordinates limit_torque(const Coordinates& torque, const Coordinates& largest) 
 
 Coordinates largest_torques(const DeviceModel& model) {
     const DeviceKind& kind = *model.kind;
-    const auto n = kind.configuration_min.size();
+    const ConfigurationBox box = search_box(model);
+    const auto n = box.low.size();
     Coordinates largest = Coordinates::Zero(kind.joint_count);
     constexpr int points = 5;
     int count = 1;
@@ -53,8 +54,7 @@ Coordinates largest_torques(const DeviceModel& model) {
     for (int k = 0; k < count; ++k) {
         Coordinates w(n);
         for (std::ptrdiff_t i = 0, rest = k; i < n; ++i, rest /= points)
-            w[i] = kind.configuration_min[i] +
-                   double(rest % points) / (points - 1) * (kind.configuration_max[i] - kind.configuration_min[i]);
+            w[i] = box.low[i] + double(rest % points) / (points - 1) * (box.high[i] - box.low[i]);
         if (!inside_workspace(model, w)) continue;
         const Coordinates torque = torques_for_force(model, w, model.max_force);
         if (torque.allFinite()) largest = largest.cwiseMax(torque.cwiseAbs());

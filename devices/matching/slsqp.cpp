@@ -103,8 +103,9 @@ Descent minimise(const SlsqpProblem& p, const Coordinates& start) {
     } else {
         s.origin = Coordinates::Zero(n);
         s.basis = DeviceJacobian(kind.configuration_scale.asDiagonal());
-        const Coordinates low = kind.configuration_min.cwiseQuotient(kind.configuration_scale);
-        const Coordinates high = kind.configuration_max.cwiseQuotient(kind.configuration_scale);
+        const ConfigurationBox box = search_box(*p.model);
+        const Coordinates low = box.low.cwiseQuotient(kind.configuration_scale);
+        const Coordinates high = box.high.cwiseQuotient(kind.configuration_scale);
         v = start.cwiseQuotient(kind.configuration_scale).cwiseMax(low).cwiseMin(high);
         nlopt_set_lower_bounds(s.optimiser, low.data());
         nlopt_set_upper_bounds(s.optimiser, high.data());

@@ -221,7 +221,8 @@ bool balanced(const ForceMatcher& m, int lane) {
 
 }  // namespace
 
-MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const MatchingSettings& settings,
+MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                            const MatchingSettings& settings, const Coordinates& previous,
                             const MatchingResult& geometric) {
     if (geometric.status == MatchingStatus::no_contact || geometric.status == MatchingStatus::kept ||
         !m.wanted.allFinite()) {
@@ -262,8 +263,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const Mat
         m.warm = false;
         return geometric;
     }
-    best.q = model.kind->joints(model, best.w).q.cwiseMax(model.joint_min).cwiseMin(model.joint_max);
-    best.constraint_active = joint_margins(model, best.q).minCoeff() < 1e-5;
+    judge(model, points, settings, previous, best);
     best.force_residual_N = settings.force_norm == ForceNorm::sum ? best_cost : std::sqrt(best_cost);
     best.status = MatchingStatus::matched;
     return best;

@@ -43,9 +43,11 @@ ForceMatcher build_force_matcher(const SkinParameters& skin, Material material, 
 /// Solves the pad against the platform in every lane's configuration lane_w: writes `forces`. No allocation.
 void solve_pads(ForceMatcher& matcher, const DeviceModel& model);
 
-/// Forces on the pad's nodes in the finger frame -> configuration. `geometric` is the match of the contact's shape:
-/// what comes back is never worse, by the norm asked for, as the matcher solves the pad. No allocation.
-MatchingResult match_forces(ForceMatcher& matcher, const DeviceModel& model, const MatchingSettings& settings,
+/// Forces on the pad's nodes in the finger frame -> configuration. `geometric` is the match of the contact's shape,
+/// `points`, from `previous`: what comes back is never worse, by the norm asked for, as the matcher solves the pad. No
+/// allocation.
+MatchingResult match_forces(ForceMatcher& matcher, const DeviceModel& model, const std::vector<MatchingPoint>& points,
+                            const MatchingSettings& settings, const Coordinates& previous,
                             const MatchingResult& geometric);
 
 }  // namespace palpate

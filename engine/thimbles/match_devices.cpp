@@ -10,13 +10,21 @@ namespace palpate {
 
 namespace {
 
+/// Whether a sample that touches is pressed from beside the pad, which no platform renders.
+bool beside(const ContactSurface& surface, const Matching& m, std::size_t sample) {
+    return surface.touches[sample] && !m.points[sample].touches;
+}
+
 /// The force on the finger along the platform's normal, as joint torques; and a place beyond the contact, at which the
 /// platform would arrive if nothing held it.
 void command_force(const ContactSurface& surface, Matching& m) {
     const ForceModeSettings settings;
     const bool touches = m.result.status != MatchingStatus::no_contact;
     const Eigen::Vector3d normal = m.model.kind->platform(m.model, m.result.w).normal;
-    const Vec3<double> f = transposed_times(rotation_matrix(surface.bone.rotation), surface.total);
+    Vec3<double> total = surface.total;
+    for (std::size_t s = 0; s < surface.force.size(); ++s)
+        if (beside(surface, m, s)) total = total - surface.force[s];
+    const Vec3<double> f = transposed_times(rotation_matrix(surface.bone.rotation), total);
     const Eigen::Vector3d on_finger = m.model.mount.linear().transpose() * Eigen::Vector3d(f.x, f.y, f.z);
     m.force_N = touches ? std::clamp(on_finger.dot(normal), 0.0, m.model.max_force) : 0;
     const Coordinates aim = touches ? pressed_on(m.model, m.result.w, settings.press) : m.result.w;
@@ -33,11 +41,10 @@ void solve_match(const ContactSurface& surface, const DeviceModel& model, const 
     m.geometric = m.result;
     const Mat3<double> R = rotation_matrix(surface.bone.rotation);
     for (std::size_t s = 0; s < surface.force.size(); ++s) {
-        const bool beside = surface.touches[s] && !m.points[s].touches;
-        const Vec3<double> f = beside ? Vec3<double>{0, 0, 0} : transposed_times(R, surface.force[s]);
+        const Vec3<double> f = beside(surface, m, s) ? Vec3<double>{0, 0, 0} : transposed_times(R, surface.force[s]);
         for (int d = 0; d < 3; ++d) forces->wanted[std::ptrdiff_t(3 * s) + d] = f[d];
     }
-    m.result = match_forces(*forces, model, m.settings, m.geometric);
+    m.result = match_forces(*forces, model, m.points, m.settings, start, m.geometric);
 }
 
 /// Samples as the matching sees them: where the skin is that touches, which is outside its nodes where it is curved
@@ -55,11 +62,10 @@ void read_samples(const ContactSurface& surface, Matching& m) {
         const Vec3<double> p = surface.bulge.empty() ? surface.position[s] : surface.position[s] + surface.bulge[s];
         m.points[s].position = to_device * Eigen::Vector3d(p.x, p.y, p.z);
         const double force = norm(surface.pressing[s]);
-        const bool beside =
-            surface.touches[s] && dot(surface.pressing[s], towards_finger) < fitted::from_beside * force;
-        m.points[s].touches = surface.touches[s] && !beside;
+        const bool from_beside = dot(surface.pressing[s], towards_finger) < fitted::from_beside * force;
+        m.points[s].touches = surface.touches[s] && !from_beside;
         m.points[s].weight = surface.area[s] / mean_area;
-        if (beside) m.beside_N += force;
+        if (beside(surface, m, s)) m.beside_N += force;
     }
 }
 
@@ -67,9 +73,11 @@ void match_one(const ContactSurface& surface, Matching& m, ForceMatcher* forces)
     read_samples(surface, m);
     const Coordinates last = m.solves > 0 ? m.result.w : m.model.rest;
     const Coordinates start = forces && m.solves > 0 ? m.geometric.w : last;
-    if (m.settings.joint_step > 0) {
-        const DeviceModel near = within_a_step(m.model, last, m.settings.joint_step);
+    if (m.settings.joint_speed > 0) {
+        const DeviceModel near = within_a_step(m.model, last, m.settings.joint_speed * m.since_last);
         solve_match(surface, near, move_inside_limits(near, last, start - last), m, forces);
+        // One that went as far as its speed let it is not at the edge of the workspace.
+        m.result.constraint_active = at_a_limit(m.model, m.result.q);
     } else {
         solve_match(surface, m.model, start, m, forces);
     }
@@ -91,6 +99,7 @@ void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& 
         if (surfaces.find(m.finger)->rough) m.fresh = false;  // waits for the next step
         if (m.fresh) m.next = (m.solves ? m.next : time) + m.period;
         if (m.fresh && m.next <= time) m.next = time + m.period;  // periods shorter than the step
+        if (m.fresh) m.since_last = m.solves ? time - m.solved_at : m.period, m.solved_at = time;
         due += m.fresh;
     }
     if (due == 0) return;

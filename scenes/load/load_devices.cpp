@@ -111,6 +111,21 @@ DriverSpec make_driver(Section& s, const DriverKeys& k, const DeviceModel& model
     return d;
 }
 
+/// A joint's name is that of its column in results.
+void check_joint_name(Section& s, const std::string& name, const std::vector<ChainJoint>& others) {
+    if (has_controls(name) || name.find_first_of("\",") != std::string::npos || name.empty() || name.size() > 80)
+        s.complain("name",
+                   "a joint's name is that of a column of results: not empty, no quotes, commas or control characters, "
+                   "and at most 80 letters");
+    for (const ChainJoint& other : others)
+        if (other.name == name) s.complain("name", "two joints are called '" + name + "'");
+    for (const char* column : {"q", "sent", "servo"})
+        for (int j = 1; j <= max_device_dimension; ++j)
+            if (name == column + std::to_string(j))
+                s.complain("name", "'" + name + "' is what results call an angle of joint " + std::to_string(j) +
+                                       ": choose another name");
+}
+
 /// kind = "chain": joints from the mount to the platform.
 Chain read_chain(Section& s) {
     Chain chain;
@@ -119,7 +134,8 @@ Chain read_chain(Section& s) {
     for (Section& j : s.tables("joint", "Of a chain: its joints, from the mount to the platform.")) {
         ChainJoint joint;
         joint.name = "joint " + std::to_string(chain.joints.size() + 1);
-        j.text("name", joint.name, "What it is called.");
+        j.text("name", joint.name, "What it is called, in results, too.");
+        check_joint_name(j, joint.name, chain.joints);
         j.boolean("slides", joint.slides, "It slides along its axis instead of turning about it.");
         Vec3<double> axis{0, 0, 1}, point{0, 0, 0};
         j.vector("axis", axis, unit::one, 1e3, "Its axis, in the device's frame.");
@@ -205,7 +221,7 @@ void read_matching(Section& s, ThimbleSpec& t) {
     std::optional<double> speed;
     s.number("joint_speed_deg_per_s", speed, unit::deg_per_s, {1, 1e5},
              "Fastest that a joint may move from one match to the next; without it, as it likes.");
-    if (speed) m.joint_step = t.period * *speed;
+    if (speed) m.joint_speed = *speed;
     s.integer("sideways_starts", m.sideways_starts, {0, 1000},
               "Searches beside the contact, of platforms that can slide along themselves.");
     s.boolean("non_contact", m.non_contact,
@@ -263,7 +279,7 @@ void check_force_mode(Section& s, const ThimbleSpec& t, const DriverSpec& driver
 
 const std::vector<NamedDriver>& drivers() {
     static const std::vector<NamedDriver> all{
-        {"simulated", "a hobby servo per joint: pulse steps, delay, slew rate (the default)"},
+        {"simulated", "a servo per joint: pulse steps, delay, slew rate (the default)"},
         {"maestro", "Pololu Maestro on USB, 6 to 24 channels; serial, where there are several"},
         {"maestro-dry", "writes the exact USB transfers to maestro_SERIAL.csv in the results"},
         {"maestro-serial", "Pololu Maestro on a tty, by its compact protocol; port"},
@@ -322,8 +338,7 @@ void read_thimble_loop(Section s, Scene& scene) {
         ServoModel& m = scene.servo;
         servo.number("pulse_step_us", m.pulse_step_us, unit::us, servo_model_bounds::pulse_step_us,
                      "Resolution of the pulse.");
-        servo.number("us_per_rad", m.calibration.units_per_rad, unit::us_per_rad, servo_bounds::units_per_rad,
-                     "Pulse per angle.");
+        servo.number("us_per_rad", m.us_per_rad, unit::us_per_rad, servo_bounds::units_per_rad, "Pulse per angle.");
         servo.number("delay_ms", m.delay_s, unit::ms, in(unit::ms, servo_model_bounds::delay_s),
                      "The pulse that is read is that old.");
         servo.number("slew_rad_per_s", m.slew_rad_per_s, unit::rad_per_s, servo_model_bounds::slew_rad_per_s,

@@ -29,7 +29,7 @@ struct PressureArguments {
     bool json = false;
 };
 
-/// Of those that are compared: between a half and seven newtons.
+/// Of those that are compared: between a half and seven newtons. NaN where nothing was, or has no middle cells.
 struct Errors {
     double middle = 0, peak = 0;
     int maps = 0;
@@ -43,8 +43,31 @@ Errors errors_of(const MapFit& fit) {
         e.middle += std::abs(m.of_simulated.middle / m.of_measured.middle - 1);
         e.peak += std::abs(m.of_simulated.peak / m.of_measured.peak - 1);
     }
-    if (e.maps > 0) e.middle /= e.maps, e.peak /= e.maps;
+    e.middle /= e.maps, e.peak /= e.maps;
     return e;
+}
+
+std::string text_of(const Errors& e) {
+    if (e.maps == 0) return "no map is from 0.5 to 7 N: nothing was compared\n";
+    char text[200];
+    std::snprintf(text, sizeof text, "mean difference of %d maps from 0.5 to 7 N: ", e.maps);
+    std::string said = text;
+    if (std::isfinite(e.middle)) {
+        std::snprintf(text, sizeof text, "%.0f %% of the middle cells' share, ", 100 * e.middle);
+        said += text;
+    }
+    std::snprintf(text, sizeof text, "%.0f %% of the peak over the mean\n", 100 * e.peak);
+    said += text;
+    if (!std::isfinite(e.middle))
+        said += "(of the middle cells nothing can be said: there are none, or none measured)\n";
+    return said;
+}
+
+/// A share, or a dash where there is none.
+std::string share_text(double share) {
+    char text[24];
+    std::snprintf(text, sizeof text, "%.2f", share);
+    return std::isfinite(share) ? text : "-";
 }
 
 /// Measured and simulated cells side by side, as grey as they are pressed.
@@ -95,10 +118,16 @@ nlohmann::json json_of(const MapFit& fit, double angle_deg, const Errors& errors
                         {"peak_over_mean_simulated", m.of_simulated.peak},
                         {"measured_Pa", m.measured},
                         {"simulated_Pa", m.simulated}});
-    return {
-        {"angle_deg", angle_deg},          {"along_mm", 1e3 * fit.pose.along},    {"across_mm", 1e3 * fit.pose.across},
-        {"tip_first", fit.pose.tip_first}, {"force_scale", fit.pose.force_scale}, {"misfit", fit.pose.misfit},
-        {"middle_error", errors.middle},   {"peak_error", errors.peak},           {"maps", maps}};
+    return {{"angle_deg", angle_deg},
+            {"along_mm", 1e3 * fit.pose.along},
+            {"across_mm", 1e3 * fit.pose.across},
+            {"tip_first", fit.pose.tip_first},
+            {"force_scale", fit.pose.force_scale},
+            {"misfit", fit.pose.misfit},
+            {"maps_compared", errors.maps},
+            {"middle_error", errors.middle},
+            {"peak_error", errors.peak},
+            {"maps", maps}};
 }
 
 int run_pressure(const PressureArguments& a) {
@@ -154,12 +183,10 @@ int run_pressure(const PressureArguments& a) {
         "simulated\n",
         "map", "mat", "finger", "", "[N]", "[N]");
     for (const MapComparison& m : best.maps)
-        std::printf("%-24s %8.2f %8.2f   %7.2f  %8.2f    %8.2f  %8.2f\n", m.name.c_str(), m.nominal, m.force,
-                    m.of_measured.middle, m.of_simulated.middle, m.of_measured.peak, m.of_simulated.peak);
-    std::printf(
-        "\nmean difference of %d maps from 0.5 to 7 N: %.0f %% of the middle cells' share, %.0f %% of the peak over "
-        "the mean\n",
-        errors.maps, 100 * errors.middle, 100 * errors.peak);
+        std::printf("%-24s %8.2f %8.2f   %7s  %8s    %8.2f  %8.2f\n", m.name.c_str(), m.nominal, m.force,
+                    share_text(m.of_measured.middle).c_str(), share_text(m.of_simulated.middle).c_str(),
+                    m.of_measured.peak, m.of_simulated.peak);
+    std::printf("\n%s", text_of(errors).c_str());
     if (!a.out.empty()) std::printf("written: %s/pressure.svg\n", a.out.c_str());
     return 0;
 }

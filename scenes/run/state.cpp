@@ -269,8 +269,8 @@ void exchange(Archive& a, World& w) {
     exchange(a, w.soft);
     w.chunks.for_each([&](auto& chunk) { exchange(a, chunk, w.shapes); });
     for (Matching& m : w.matchings) {
-        value(a, m.next, m.fresh, m.force_N, m.solves, m.constrained_solves, m.failures, m.contact_solves, m.beside_N,
-              m.beside_solves);
+        value(a, m.next, m.fresh, m.solved_at, m.since_last, m.force_N, m.solves, m.constrained_solves, m.failures,
+              m.contact_solves, m.beside_N, m.beside_solves);
         exchange(a, m.result);
         exchange(a, m.geometric);
         coordinates(a, m.q);

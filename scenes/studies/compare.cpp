@@ -104,8 +104,9 @@ struct Contestant {
     void render(const Matching& m, const Felt& wanted) {
         const auto start = std::chrono::steady_clock::now();
         DeviceModel model = m.model;
-        if (m.settings.joint_step > 0) {
-            model = within_a_step(m.model, row.result.w.size() ? row.result.w : m.model.rest, m.settings.joint_step);
+        if (m.settings.joint_speed > 0) {
+            model = within_a_step(m.model, row.result.w.size() ? row.result.w : m.model.rest,
+                                  m.settings.joint_speed * m.since_last);
             last = move_inside_limits(model, model.rest, last - model.rest);
         }
         const Coordinates from = last;
@@ -117,9 +118,10 @@ struct Contestant {
                 for (int d = 0; d < 3; ++d)
                     forces.wanted[std::ptrdiff_t(3 * i) + d] =
                         wanted.touches[i] && !m.points[i].touches ? 0 : wanted.force[i][d];
-            r = match_forces(forces, model, m.settings, r);
+            r = match_forces(forces, model, m.points, m.settings, from, r);
         }
         row.microseconds = 1e6 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        r.constraint_active = at_a_limit(m.model, r.q);
         row.result = r;
         row.by_least_squares = by_least_squares(model, m, from, matched);
     }

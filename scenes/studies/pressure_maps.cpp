@@ -93,16 +93,18 @@ PressureMap read_pressure_map(const std::filesystem::path& file, const SensorMat
 MapFigures map_figures(const std::vector<double>& cells, int rows, int columns) {
     MapFigures f;
     double all = 0, middle = 0, peak = 0;
+    bool has_middle = false;
     for (int r = 0; r < rows; ++r)
         for (int c = 0; c < columns; ++c) {
             const double p = cells[std::size_t(r * columns + c)];
             const bool within =
                 4 * r >= rows && 4 * (r + 1) <= 3 * rows && 4 * c >= columns && 4 * (c + 1) <= 3 * columns;
             all += p;
-            if (within) middle += p;
+            if (within) middle += p, has_middle = true;
             peak = std::max(peak, p);
         }
     if (all > 0) f = {middle / all, peak * rows * columns / all};
+    if (!has_middle) f.middle = NAN;
     return f;
 }
 

@@ -31,7 +31,7 @@ PressureMap read_pressure_map(const std::filesystem::path& file, const SensorMat
 
 /// What does not depend on how a mat was calibrated, of cells [row][column].
 struct MapFigures {
-    double middle = 0;  ///< share of the force that the middle cells bear (a half of the rows and columns)
+    double middle = 0;  ///< share of the force that the middle cells bear (a half of the rows and columns); NaN: none
     double peak = 0;    ///< highest cell over the mean of all
 };
 MapFigures map_figures(const std::vector<double>& cells, int rows, int columns);

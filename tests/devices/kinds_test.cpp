@@ -214,6 +214,20 @@ TEST(RrsExact, AgreesWithThePapersFormWhereThatIsExact) {
     }
 }
 
+TEST(RrsExact, TheLastDigitOfALengthTurnsNoPlane) {
+    // Radii alike, legs at 120 degrees: seats meet, but for the rounding of the half, 17.32050808 mm.
+    DeviceModel m = find_kind("rrs-exact")->defaults();
+    const auto joints = [&](double half_mm) {
+        m.geometry[2] = m.geometry[0] = 0.020;
+        m.geometry[1] = 0.020 * std::sqrt(0.75);
+        m.geometry[3] = 1e-3 * half_mm;
+        return m.kind->joints(m, Eigen::Vector3d(8 * degree, -12 * degree, 0.0235)).q;
+    };
+    const Coordinates exact = joints(20 * std::sqrt(0.75));
+    for (const double half_mm : {17.3205, 17.3206, 17.320508, 17.321, 17.32})
+        EXPECT_LT((joints(half_mm) - exact).cwiseAbs().maxCoeff(), 0.05 * degree) << half_mm;
+}
+
 TEST(Chains, KnownPose) {
     const DeviceModel m = find_kind("serial-5dof")->defaults();
     Coordinates q(5);

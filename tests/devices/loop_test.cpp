@@ -361,9 +361,25 @@ TEST(SimulatedServo, QuantisesDelaysAndSlews) {
     driver->actual(0.05);
     EXPECT_NEAR(driver->actual(0.10)[0], 0.12, 0.021);  // slewing at 2 rad/s
     const double settled = driver->actual(1.0)[0];
-    EXPECT_NEAR(settled * servo.calibration.units_per_rad / 10,
-                std::round(settled * servo.calibration.units_per_rad / 10), 1e-9);
-    EXPECT_NEAR(settled, 0.3, 5.1 / servo.calibration.units_per_rad);
+    EXPECT_NEAR(settled * servo.us_per_rad / 10, std::round(settled * servo.us_per_rad / 10), 1e-9);
+    EXPECT_NEAR(settled, 0.3, 5.1 / servo.us_per_rad);
+}
+
+TEST(SimulatedServo, ReachesBothSidesAlike) {
+    ServoModel servo;
+    servo.pulse_step_us = 0.3;
+    servo.us_per_rad = 5000;
+    for (const double angle : {0.123, 1.0, 1.9, 3.9}) {
+        double reached[2];
+        for (const int side : {0, 1}) {
+            auto driver = make_simulated_driver(servo, Coordinates::Zero(1));
+            driver->send(Coordinates::Constant(1, side ? -angle : angle), 0);
+            driver->actual(0.1);
+            reached[side] = driver->actual(2)[0];
+        }
+        EXPECT_EQ(reached[0], -reached[1]);
+        EXPECT_NEAR(reached[0], angle, 0.51 * servo.pulse_step_us / servo.us_per_rad);
+    }
 }
 
 TEST(Mailbox, NewestWinsAcrossThreads) {

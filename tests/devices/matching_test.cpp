@@ -251,9 +251,9 @@ TEST_P(MatchingOfKind, JointsMoveNoFartherThanAStep) {
     std::mt19937 random(14);
     std::uniform_real_distribution<double> u(-1, 1);
     const DeviceModel m = model();
+    constexpr double joint_step = 4 * degree;
     for (int k = 0; k < 5; ++k) {
         MatchingSettings settings;
-        settings.joint_step = 4 * degree;
         if (k >= 3) settings.solver = MatchingSolver(k - 3);
         const auto method = MatchingMethod(k < 3 ? k : 0);
         Coordinates w = m.rest;
@@ -265,10 +265,10 @@ TEST_P(MatchingOfKind, JointsMoveNoFartherThanAStep) {
                     random);
             if (step == 80)
                 for (MatchingPoint& p : points) p.touches = false;
-            const DeviceModel near = within_a_step(m, w, settings.joint_step);
+            const DeviceModel near = within_a_step(m, w, joint_step);
             const MatchingResult r = match(method, near, points, settings, w);
             const Coordinates moved = r.q - m.kind->joints(m, w).q;
-            ASSERT_LE(moved.cwiseAbs().maxCoeff(), settings.joint_step + 2e-7) << "step " << step;
+            ASSERT_LE(moved.cwiseAbs().maxCoeff(), joint_step + 2e-7) << "step " << step;
             ASSERT_TRUE(inside_workspace(m, r.w, 1e-6));
             w = r.w;
         }

@@ -30,6 +30,7 @@ TEST(PressureMaps, FiguresAreOfTheMiddleAndThePeak) {
     EXPECT_NEAR(map_figures(cells, 4, 4).middle, 8.0 / 20, 1e-15);
     EXPECT_NEAR(map_figures(cells, 4, 4).peak, 16 * 5.0 / 20, 1e-15);
     EXPECT_EQ(map_figures(std::vector<double>(16, 0.0), 4, 4).peak, 0);
+    EXPECT_TRUE(std::isnan(map_figures({1, 1, 1, 1}, 2, 2).middle)) << "two by two have none";
 }
 
 /// Maps that were made from a finger in a known place, with forces a third lower than they are.
