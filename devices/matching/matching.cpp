@@ -66,6 +66,15 @@ SlsqpProblem matching_problem(const DeviceModel& model, const NearSamples& sampl
     return p;
 }
 
+/// Below which objective another place is gone to from one of `value` [mm^2]; "multistart" takes the best there is.
+double worth_leaving(const std::vector<MatchingPoint>& points, const MatchingSettings& settings, double value) {
+    if (settings.solver == MatchingSolver::multistart) return value;
+    double weights = 0;
+    for (const MatchingPoint& p : points)
+        if (p.touches) weights += p.weight;
+    return (1 - fitted::clear_gain) * value - weights * fitted::clear_distance * fitted::clear_distance;
+}
+
 }  // namespace
 
 MatchingResult match_constrained(const DeviceModel& model, const std::vector<MatchingPoint>& points,
@@ -82,7 +91,7 @@ MatchingResult match_constrained(const DeviceModel& model, const std::vector<Mat
                                   ? descend_from_everywhere(model, points, settings, start)
                                   : descend_from_the_sides(model, points, settings, start, best);
     const int evaluations = best.evaluations + elsewhere.evaluations;
-    if (elsewhere.value < best.value) best = elsewhere;
+    if (elsewhere.value < worth_leaving(points, settings, best.value)) best = elsewhere;
     const MatchingStatus status = best.end == DescentEnd::budget ? MatchingStatus::budget
                                   : failed && best.w == start    ? MatchingStatus::kept
                                                                  : MatchingStatus::matched;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "devices/matching/fitted.h"
 #include "devices/matching/least_squares.h"
 #include "engine/skin/solve/solve_skin.h"
 #include "engine/thimbles/fitted.h"
@@ -230,20 +231,43 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const std
         return geometric;
     }
     MatchingResult best = geometric;
-    double best_cost = HUGE_VAL;
+    double best_cost = HUGE_VAL, to_beat = HUGE_VAL;
+    // Going on as last time, whose forces are known, unless another place is clearly better: what no force tells, such
+    // as where along itself a platform lies, is not to follow the solves' rounding.
+    // A sum of errors, which weighs small ones more, has its way in steps smaller than that.
+    const bool stays = m.warm && settings.force_norm == ForceNorm::squares && inside_workspace(model, m.centre, 1e-7);
+    if (stays) {
+        best.w = m.centre;
+        best_cost = residual_of(m, settings, m.centre_forces, m.residual);
+        to_beat = (1 - fitted::clear_gain) * best_cost;
+    }
     // Where the last step's linearisation sends the forces wanted now.
     Coordinates next = geometric.w;
     if (m.warm && inside_workspace(model, m.centre, 1e-7)) next = gauss_newton(m, model, settings, m.damping);
     for (int round = 0; round < settings.force_rounds; ++round) {
         const Coordinates before = round == 0 && !m.warm ? geometric.w : m.centre;
-        place_lanes(m, model, next, {round == 0 ? geometric.w : best.w, 0.5 * (before + next), before, geometric.w});
+        place_lanes(m, model, next, {round == 0 ? geometric.w : best.w, before, 0.5 * (before + next), geometric.w});
         solve_pads(m, model);
+        // Solved a little further, where there are lanes enough: going on may have been believed to be better than it
+        // is.
+        if (const int lane = int(before.size()) + 2; round == 0 && stays && lane < lane_count(m)) {
+            const double cost = residual_of(m, settings, m.forces.col(lane), m.residual);
+            const double shape = residual_of(m, settings, m.forces.col(lane - 1), m.residual);
+            if (!balanced(m, lane)) {
+                best.w = geometric.w;
+                best_cost = to_beat = HUGE_VAL;
+            } else if (shape < cost && balanced(m, lane - 1)) {
+                m.centre_forces = m.forces.col(lane);
+                best_cost = cost;
+                to_beat = (1 - fitted::clear_gain) * cost;
+            }
+        }
         int best_lane = -1;
         for (int lane = 0; lane < lane_count(m); ++lane) {
             const Coordinates& w = m.lane_w[std::size_t(lane)];
             const double cost = residual_of(m, settings, m.forces.col(lane), m.residual);
-            if (!(cost < best_cost) || !balanced(m, lane) || !inside_workspace(model, w, 1e-7)) continue;
-            best_cost = cost;
+            if (!(cost < to_beat) || !balanced(m, lane) || !inside_workspace(model, w, 1e-7)) continue;
+            best_cost = to_beat = cost;
             best.w = w;
             best_lane = lane;
         }
@@ -255,7 +279,7 @@ MatchingResult match_forces(ForceMatcher& m, const DeviceModel& model, const std
         }
         const auto neighbours = int(best.w.size());
         m.damping = best_lane >= 0 && best_lane <= neighbours ? std::max(1e-4, 0.2 * m.damping)
-                    : best_lane >= 0                          ? std::min(0.1, 2 * m.damping)
+                    : best_lane >= 0 || stays                 ? std::min(0.1, 2 * m.damping)
                                                               : std::min(1.0, 8 * m.damping);
         next = gauss_newton(m, model, settings, m.damping);
     }

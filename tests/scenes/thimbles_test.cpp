@@ -137,6 +137,38 @@ TEST(Thimbles, ASimulatedServoReachesAllThatItsJointMayDo) {
     }
 }
 
+/// The farthest that a joint goes from one match to the next after a time [degrees].
+double farthest_step(Simulation& s, double after) {
+    Coordinates last;
+    double farthest = 0;
+    at_matches(s, [&](const Matching& m, double) {
+        if (last.size() && s.world.time > after)
+            farthest = std::max(farthest, (m.result.q - last).cwiseAbs().maxCoeff() / degree);
+        last = m.result.q;
+    });
+    return farthest;
+}
+
+/// What no force tells, such as where along itself a platform lies, followed the rounding of solves, for ever.
+TEST(Thimbles, NothingMovesWhileTheFingerRests) {
+    struct {
+        const char *scene, *kind;
+        double from, until;  ///< [s]
+    } const cases[] = {{"edge", "chinello-3rrs", 0.5, 0.9},
+                       {"edge", "cable-3", 0.5, 0.9},
+                       {"edge", "serial-6dof", 0.5, 0.9},
+                       {"press", "serial-5dof", 0.5, 0.9},
+                       {"edge", "serial-5dof", 1.6, 2.2}};  // finds better poses for a while
+    for (const auto& c : cases) {
+        Simulation s =
+            make_simulation(load_scene(testing::scenes + c.scene + ".toml",
+                                       {"finger.index.device.kind=" + std::string(c.kind),
+                                        "finger.index.device.method=force", "duration_s=" + std::to_string(c.until)}),
+                            1);
+        EXPECT_LT(farthest_step(s, c.from), 0.01) << c.scene << " " << c.kind;
+    }
+}
+
 TEST(Thimbles, JointsKeepTheirSpeedWhateverStepsAndPeriods) {
     const double periods[][2] = {{5, 9}, {50, 20}, {5, 20}};
     for (const auto& [dt_ms, period_ms] : periods) {
