@@ -28,8 +28,8 @@ inline constexpr double rounded_gap = 2e-10;
 /// once, which is a speed.
 inline constexpr double overlap_begins = 1e-4, overlap_ends = 1e-5, overlap_ends_share = 0.2;
 /// No solve has left that of what was not near before: more than this is no contact's to push apart (a stack that began
-/// with 0.08 mm of it hopped at 80 mm/s in steps of 1 ms, at 800 in steps of 0.1) [m]; or than this share of what a step
-/// undoes.
+/// with 0.08 mm of it hopped at 80 mm/s in steps of 1 ms, at 800 in steps of 0.1) [m]; or than this share of what a
+/// step undoes.
 inline constexpr double overlap_of_fresh = 1e-6, overlap_of_fresh_share = 0.02;
 /// The point of an edge that counts follows the deepest one where that is within the second of these [m] (a can that
 /// lies on rails rolls off them by itself where it does not), and is another one where that is deeper by more than the

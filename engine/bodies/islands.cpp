@@ -107,8 +107,8 @@ void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<Pai
             visit(p.contacts[i], touch_of(features[i], a.start, p.contacts[i], *b.shape, b.start, 0));
     };
     const double recovery = w.solver.dt * w.solver.recovery_speed;
-    const double overlap_begins = fresh ? std::min(fitted::overlap_of_fresh, fitted::overlap_of_fresh_share * recovery)
-                                        : fitted::overlap_begins;
+    const double overlap_begins =
+        fresh ? std::min(fitted::overlap_of_fresh, fitted::overlap_of_fresh_share * recovery) : fitted::overlap_begins;
     auto begin_contact = [&](FeatureContact& c, const Touch& at) {
         c.approach = -dot(point_velocity(w, p, at.point), at.surface.normal);
         if (w.solver.inertia) undo_overlap(c, -at.surface.distance, overlap_begins, recovery);
@@ -119,7 +119,8 @@ void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<Pai
         return;
     for_each_contact([&](const FeatureContact& c, const Touch& at) {
         const double depth = -at.surface.distance;
-        if (c.undone > 0 && depth > std::max(w.s.deepest.depth, fitted::overlap_begins)) w.s.deepest = {p.a, p.b, depth, w.time};
+        if (c.undone > 0 && depth > std::max(w.s.deepest.depth, fitted::overlap_begins))
+            w.s.deepest = {p.a, p.b, depth, w.time};
     });
 }
 
