@@ -16,16 +16,19 @@ namespace {
 
 using Work = BodyWork;
 
-/// Marks the islands that something outside has pushed: a finger that is near, an object that is no body.
+/// Marks the islands that something outside may have pushed: a finger, or an object that is no body, that is near.
+/// (What is left of its push at the end of a solve that ended early may be nothing.)
 void find_anchored(Work& w) {
     for (int i = 0; i < w.s.island_count; ++i) w.s.islands[std::size_t(i)].anchored = false;
     for_each_lane(w, [](auto&, int, Island& i) { i.anchored = true; });
-    for (const BodyPair& p : w.s.pairs) {
-        if (p.a < 0 || (w.s.objects[std::size_t(p.a)].body >= 0 && w.s.objects[std::size_t(p.b)].body >= 0)) continue;
-        Island& island = island_of_pair(w, p);
-        for (const FeatureContact& c : p.contacts)
-            for (const PairTerm& t : c.terms) island.anchored |= dot(t.gradient, t.gradient) > 0;
-    }
+    for (const BodyPair& p : w.s.pairs)
+        if (p.a >= 0 && (w.s.objects[std::size_t(p.a)].body < 0 || w.s.objects[std::size_t(p.b)].body < 0))
+            island_of_pair(w, p).anchored = true;
+}
+
+/// The share of a part of a motion that leaves it no more energy than is to spare.
+double share_within(double energy, double spare) {
+    return energy > 0 && energy > spare ? std::sqrt(std::max(0.0, spare) / energy) : 1;
 }
 
 /// Inertia about the centre of mass, world.
@@ -114,7 +117,6 @@ void restore_island(Work& w, const Island& island) {
         body.angular_momentum += turned_inertia(body, pose) * turned;
         energy += kinetic_energy(body, pose.rotation);
     }
-    auto share_within = [](double of, double spare) { return of > spare ? std::sqrt(std::max(0.0, spare) / of) : 1.0; };
     const double turn_share = share_within(of_turn, allowed - of_motion);
     const double share = share_within(energy - of_motion - of_turn, allowed - of_motion - of_turn);
     for (int row : island.bodies) {
@@ -131,15 +133,13 @@ void restore_untouched(Work& w) {
     for (std::size_t row = 0; row < w.bodies.size(); ++row) {
         RigidBody& body = w.bodies[row];
         const BodyProgress& b = w.s.bodies[row];
-        if (body.converged || body.asleep || body.reset || !(b.inertia.gradient - b.gradient).isZero(0)) continue;
+        if (body.converged || body.asleep || body.reset || w.s.islands[std::size_t(b.island)].anchored) continue;
+        if (!(b.inertia.gradient - b.gradient).isZero(0)) continue;
         body.velocity = b.velocity_before + (w.solver.dt / body.mass) * b.weight;
         body.angular_momentum = b.momentum_before;
-        const double allowed = b.kinetic + dot(b.weight, b.pose.position - b.start.position),
-                     energy = kinetic_energy(body, b.pose.rotation);
-        if (energy > allowed) {
-            const double share = std::sqrt(std::max(0.0, allowed) / energy);
-            body.velocity = share * body.velocity, body.angular_momentum = share * body.angular_momentum;
-        }
+        const double allowed = b.kinetic + dot(b.weight, b.pose.position - b.start.position);
+        const double share = share_within(kinetic_energy(body, b.pose.rotation), allowed);
+        body.velocity = share * body.velocity, body.angular_momentum = share * body.angular_momentum;
     }
 }
 
