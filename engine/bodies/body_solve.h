@@ -39,7 +39,7 @@ struct Island {
     bool following = false;
     bool soft = false;        ///< some lane is near a soft object
     bool recovers = false;    ///< scratch: an overlap has been undone in it
-    bool anchored = false;    ///< scratch: something that is no body has pushed it
+    bool anchored = false;    ///< scratch: something that is no body may have pushed it
     bool driven = false;      ///< scratch: something that moves by a track may touch its bodies
     bool slow = false;        ///< a kept matrix has led it hardly nearer to the solution (kept_matrix.h)
     bool coupling = false;    ///< scratch: its coupled direction is being found
