@@ -54,7 +54,7 @@ void choose_detail(const SolverSettings& solver, std::int64_t step, SkinChunks& 
 /// whether solved or not.
 void gather_lanes(Table<Skin>& skins, SkinChunks& chunks);
 
-/// One implicit step of every chunk (solve/newton.h) that is near no body, chunks in parallel.
+/// One implicit step of every chunk (solve/solve_lanes.h) that is near no body, chunks in parallel.
 void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks);
 
 /// One implicit step of every body, to the simulated `time` [s], and of every chunk near one, or with fingers near each

@@ -26,9 +26,9 @@ LayerShares layer_shares(const TetMesh& mesh, const std::vector<double>& thickne
                     Eigen::Vector3d x = Eigen::Vector3d::Zero();
                     for (std::size_t a = 0; a < 4; ++a)
                         x += w[a] * Eigen::Map<const Eigen::Vector3d>(mesh.nodes[std::size_t(mesh.tets[e][a])].data());
-                    const Eigen::Vector3d way = tree.nearest(x) - x;
-                    double depth = way.norm();
-                    if (depth > 0) outwards += way / depth;
+                    const Eigen::Vector3d offset = tree.nearest(x) - x;
+                    double depth = offset.norm();
+                    if (depth > 0) outwards += offset / depth;
                     std::size_t layer = 0;
                     while (layer < thicknesses.size() && depth > thicknesses[layer]) depth -= thicknesses[layer++];
                     shares[e][layer] += 1;

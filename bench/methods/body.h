@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/skin/solve/newton.h"
+#include "engine/skin/solve/skin_step.h"
 
 namespace palpate::methods {
 

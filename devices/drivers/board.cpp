@@ -288,7 +288,7 @@ void Board::note_write(const ChannelTarget& target, const Transfer& transfer, do
     Told& told = told_[c];
     const WireLimits limits = limits_of(c);
     const double over = std::max(end, transfer.arrived);
-    first_moves_[c].told(longest_way(told, target.value, limits), first_move_share * limits.speed, over);
+    first_moves_[c].told(longest_travel(told, target.value, limits), first_move_share * limits.speed, over);
     told = told_after(told, target.value, arrived, limits, began - told.at, over, transfer.arrived - told.sent);
     told.took = over - began;
     told.sent = transfer.sent;
@@ -443,8 +443,8 @@ double Board::pause(double now) const {
     constexpr double longest_period = 0.1;
     if (!held_back_) return feed_period;
     const double tick = woken_at_ + wakes_every_, begins = now + catch_up_period, ends = begins + write_takes_;
-    const bool in_its_way = wakes_every_ < longest_period && begins < tick && ends > tick;
-    return in_its_way ? tick + catch_up_period - now : catch_up_period;
+    const bool delays_it = wakes_every_ < longest_period && begins < tick && ends > tick;
+    return delays_it ? tick + catch_up_period - now : catch_up_period;
 }
 
 /// A board that moves comes before other work; to look for one that is lost, and to write down why, can wait.

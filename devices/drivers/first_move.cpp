@@ -12,14 +12,14 @@ constexpr double slower_share = 0.9;  ///< controllers' own limits are a little 
 
 }  // namespace
 
-double longest_way(const Told& before, WireValue value, const WireLimits& limits) {
+double longest_travel(const Told& before, WireValue value, const WireLimits& limits) {
     if (before.low == no_pulse) return double(limits.max) - double(limits.min);
     return std::max(std::abs(double(value) - before.low), std::abs(double(value) - before.high));
 }
 
-void FirstMove::told(double way, double speed, double now) {
+void FirstMove::told(double travel, double speed, double now) {
     if (met_ || !(speed > 0)) return;
-    there_at_ = std::max(there_at_, now) + way / (slower_share * speed);
+    there_at_ = std::max(there_at_, now) + travel / (slower_share * speed);
 }
 
 bool FirstMove::caught_up(const Place& place, double now) {

@@ -7,7 +7,7 @@ namespace palpate {
 
 /// How far a servo may have to go to `value` from where it was told to be; its whole range where nobody knows where it
 /// was [wire values].
-double longest_way(const Told& before, WireValue value, const WireLimits& limits);
+double longest_travel(const Told& before, WireValue value, const WireLimits& limits);
 
 /// It is over once the servo has been told what is wanted, or what is wanted has passed it on its way there, and has
 /// arrived: as measured, and after the time that its way takes at the controller's own limit.
@@ -15,7 +15,7 @@ class FirstMove {
   public:
     /// It was told to go as far as `way` [wire values] at `now` [s], and is taken there at about `speed` [wire values
     /// per second; 0: at once].
-    void told(double way, double speed, double now);
+    void told(double travel, double speed, double now);
     struct Place {
         WireValue wanted, sent, measured;  ///< `sent`: surely arrived; no_pulse: nobody knows
         double bound;  ///< on what lies between sent and measured [wire values]; 0: it is not measured

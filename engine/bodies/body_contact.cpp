@@ -282,7 +282,7 @@ void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBod
     if (b.shape->kind == ShapeKind::plane || c.side != 0 || travel < fitted::least_crossing) return;
     const Vec3<double> point = f.point + c.place * f.along;
     const Vec3<double> from = inverse_transform(b.start, transform(a.start, point)),
-                       way = inverse_transform(b.pose, transform(a.pose, point)) - from;
+                       path = inverse_transform(b.pose, transform(a.pose, point)) - from;
     const Vec3<double> axis =
         transposed_times(rotation_matrix(b.start.rotation), rotation_matrix(a.start.rotation) * f.axis);
     const Pose<double> own{{0, 0, 0}, Quaternion<double>::identity()};
@@ -294,14 +294,14 @@ void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBod
     Vec3<double> where = from;
     bool touches = false;
     for (int i = 1; i <= fitted::crossing_samples && !touches; ++i) {
-        const Vec3<double> x = from + (double(i) / fitted::crossing_samples) * way;
+        const Vec3<double> x = from + (double(i) / fitted::crossing_samples) * path;
         const SurfacePoint<double> there = surface_point(*b.shape, own, x);
         touches = gap(there) < 0;
         if (there.distance > 0) met = there, where = x;
     }
     if (!touches) return;
     const Vec3<double> normal = (1 / std::max(norm(met.normal), 1e-6)) * met.normal;
-    const SurfacePoint<double> end = surface_point(*b.shape, own, from + way);
+    const SurfacePoint<double> end = surface_point(*b.shape, own, from + path);
     if ((end.distance > 0 || within == Within::may_be) && dot(normal, end.normal) > fitted::one_face) return;
     c.face = rotation_matrix(b.start.rotation) * normal;
     c.met = where - met.distance * normal;
@@ -312,7 +312,7 @@ void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBod
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
-        c.way = c.face = {0, 0, 0};
+        c.exit = c.face = {0, 0, 0};
         if (dot(features[i].along, features[i].along) > 0)
             c.place = deepest_place(features[i], c, a.pose, *b.shape, b.pose);
         const double give = c.normal_multiplier / pair.penalty;
@@ -352,12 +352,12 @@ void stop_falls(BodyPair& pair, const std::vector<Feature>& features, const Cont
 SurfacePoint<double> surface_at(const FeatureContact& c, const Shape& b, const Pose<double>& pose,
                                 const Vec3<double>& point, int side) {
     if (dot(c.face, c.face) > 0) return {dot(c.face, point - transform(pose, c.met)), c.face};
-    if (dot(c.way, c.way) <= 0) return surface_point(b, pose, point, side);
-    const Vec3<double> normal = rotation_matrix(pose.rotation) * c.way;
+    if (dot(c.exit, c.exit) <= 0) return surface_point(b, pose, point, side);
+    const Vec3<double> normal = rotation_matrix(pose.rotation) * c.exit;
     return {dot(normal, point - pose.position) - c.reach, normal};
 }
 
-bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
+bool find_exit_face(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
     if (b.shape->kind == ShapeKind::plane) return false;
     Vec3<double> first{0, 0, 0};
     bool one_face = true;
@@ -375,7 +375,7 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
                                                  : faces_met(pair, features, a, b);
     for (const Face& face : faces) {
         FeatureContact out;
-        out.way = face.normal, out.reach = face.reach;
+        out.exit = face.normal, out.reach = face.reach;
         double deepest = dot(face.normal, face.normal) > 0 ? 0 : HUGE_VAL;
         for (std::size_t i = 0; i < features.size(); ++i) {
             if (pair.contacts[i].undone <= 0) continue;
@@ -387,7 +387,7 @@ bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const Co
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         if (c.undone <= 0) continue;
-        c.way = best.way, c.reach = best.reach, c.rim = {0, 0, 0};
+        c.exit = best.exit, c.reach = best.reach, c.rim = {0, 0, 0};
         touch_in_step(features[i], a, b, c);
     }
     return true;

@@ -57,7 +57,7 @@ struct FeatureContact {
     double place = 0;               ///< on an edge: `point` plus so many times `along`, for the whole step
     double blunt = 1e-6;            ///< tilt below which a disc's deepest point is between its middle and its rim [rad]
     Vec3<double> rim{0, 0, 0};      ///< from a disc's middle to its point of the step, a's frame (set_rim); or zero [m]
-    Vec3<double> way{0, 0, 0};      ///< b's frame: the face that it leaves b by (find_way_out); zero: the nearest
+    Vec3<double> exit{0, 0, 0};     ///< b's frame: the face that it leaves b by (find_exit_face); zero: the nearest
     double reach = 0;               ///< of b along that way [m]
     Vec3<double> face{0, 0, 0};     ///< of b, world, that a fast feature meets first (stop_at_first_face); or zero
     Vec3<double> met{0, 0, 0};      ///< b's frame: the point of b that it meets there
@@ -102,7 +102,7 @@ void stop_falls(BodyPair& pair, const std::vector<Feature>& features, const Cont
 /// box that stands beside another is at its top, foot and side: all of them leave by the face of which the deepest is
 /// least deep. Of boxes and cylinders these are their faces, of others the planes at which features inside them are
 /// nearest to their surface; among the features whose overlap undo_overlap() undoes. Returns whether it was so.
-bool find_way_out(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
+bool find_exit_face(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b);
 /// Distance and normal of b at a point of a feature, both world, with b where `pose` is.
 SurfacePoint<double> surface_at(const FeatureContact& contact, const Shape& b, const Pose<double>& pose,
                                 const Vec3<double>& point, int side);

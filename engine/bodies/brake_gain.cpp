@@ -41,15 +41,15 @@ Mat3<double> half_back(const BodyProgress& b) {
 }
 
 /// A contact force on a body, as it was half way through the step, of what has moved by `way`.
-void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& way) {
-    b.supported += dot(force, way);
-    b.worked += std::abs(dot(force, way));
+void support(BodyProgress& b, const Vec3<double>& force, const Vec3<double>& displacement) {
+    b.supported += dot(force, displacement);
+    b.worked += std::abs(dot(force, displacement));
     b.load += norm(force);
-    b.carried += norm(force) * way;
+    b.carried += norm(force) * displacement;
 }
 
 /// How far the point of an object that is now at `point` has moved in this step.
-Vec3<double> way_of(const ContactBody& o, const Vec3<double>& point) {
+Vec3<double> displacement_of(const ContactBody& o, const Vec3<double>& point) {
     return point - transform(o.start, inverse_transform(o.pose, point));
 }
 
@@ -58,13 +58,13 @@ template <class T>
 void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
     const SkinTopology& t = *c.topology;
     const std::size_t W = std::size_t(c.width), L = std::size_t(lane);
-    auto node_way = [&](int node) {
-        Vec3<double> way;
+    auto node_displacement = [&](int node) {
+        Vec3<double> displacement;
         for (int d = 0; d < 3; ++d) {
             const std::size_t i = std::size_t(3 * node + d) * W + L;
-            way[d] = double(c.state.position[i]) - double(c.scratch.start_position[i]);
+            displacement[d] = double(c.state.position[i]) - double(c.scratch.start_position[i]);
         }
-        return way;
+        return displacement;
     };
     auto pose_in = [&](const LaneArray<T>& bones) {
         double p[7];
@@ -72,7 +72,7 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
         return Pose<double>{{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
     };
     const Pose<double> bone = pose_in(c.state.bone), start = pose_in(c.scratch.start_bone);
-    auto bone_way = [&](int node) {
+    auto bone_displacement = [&](int node) {
         Vec3<double> x;
         for (int d = 0; d < 3; ++d) x[d] = double(c.state.position[std::size_t(3 * node + d) * W + L]);
         return x - transform(start, inverse_transform(bone, x));
@@ -82,7 +82,9 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
         if (is_plane(w, row) || !gains(w, b, row)) return;
         // Where skin has got to is no result either.
         const bool no_result = misses_what_acted(w.bodies[std::size_t(row)], b, fitted::no_result);
-        auto way_of_node = [&](int node) { return no_result ? bone_way(node) : node_way(node); };
+        auto displacement_of_node = [&](int node) {
+            return no_result ? bone_displacement(node) : node_displacement(node);
+        };
         if (c.contacts.slot[std::size_t(slot)].recovers) b.gain = 0;
         const Mat3<double> back = half_back(b);
         for (std::size_t s = 0; s < samples_in_use<T>(c); ++s) {
@@ -91,13 +93,13 @@ void add_support_of_skin(BodyWork& w, const SkinChunk<T>& c, int lane) {
                                      double(c.exchange.slot_gradient[i + 2 * W])};
             if (dot(force, force) <= 0) continue;
             if (s < t.samples.size()) {
-                support(b, back * force, way_of_node(t.samples[s]));
+                support(b, back * force, displacement_of_node(t.samples[s]));
                 continue;
             }
             const FaceSample& f = t.face_samples[s - t.samples.size()];
-            Vec3<double> way{0, 0, 0};
-            for (std::size_t k = 0; k < 3; ++k) way += double(f.weight[k]) * way_of_node(f.node[k]);
-            support(b, back * force, way);
+            Vec3<double> displacement{0, 0, 0};
+            for (std::size_t k = 0; k < 3; ++k) displacement += double(f.weight[k]) * displacement_of_node(f.node[k]);
+            support(b, back * force, displacement);
         }
     });
 }
@@ -115,14 +117,15 @@ void add_support_of_objects(BodyWork& w) {
                         undone = contact.undone;
             for (const PairTerm& term : contact.terms) {
                 if (dot(term.gradient, term.gradient) <= 0) continue;
-                const Vec3<double> of_a = way_of(a, a.centre + term.arm_of_a),
-                                   of_b = way_of(b, b.centre + term.arm_of_b);
-                auto give = [&](const ContactBody& to, const Vec3<double>& force, bool met, const Vec3<double>& way) {
+                const Vec3<double> of_a = displacement_of(a, a.centre + term.arm_of_a),
+                                   of_b = displacement_of(b, b.centre + term.arm_of_b);
+                auto give = [&](const ContactBody& to, const Vec3<double>& force, bool met,
+                                const Vec3<double>& displacement) {
                     if (to.body < 0) return;
                     BodyProgress& body = w.s.bodies[std::size_t(to.body)];
                     const bool nowhere =
                         met && misses_what_acted(w.bodies[std::size_t(to.body)], body, fitted::no_result);
-                    support(body, half_back(body) * force, met ? (nowhere ? 0.0 : 0.5) * (of_a + of_b) : way);
+                    support(body, half_back(body) * force, met ? (nowhere ? 0.0 : 0.5) * (of_a + of_b) : displacement);
                 };
                 give(a, -term.gradient, b.body >= 0, of_b);
                 give(b, term.gradient, a.body >= 0, of_a);

@@ -4,10 +4,12 @@
 #include "engine/bodies/directions.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "engine/bodies/pair_ends.h"
 #include "engine/bodies/soft_contact.h"
+#include "engine/skin/solve/newton.h"
 
 namespace palpate {
 
@@ -250,11 +252,51 @@ void pairs_residual(Work& w) {
     }
 }
 
-/// Contacts followed along the direction, as in direction.h.
-void follow_contacts(Work& w) {
+bool follows(const Island& i) { return i.following; }
+
+/// Islands whose contacts are followed along their directions (newton.h).
+struct FollowedIslands {
+    Work& w;
+
+    /// Ends following where contact did little beyond its linearisation.
+    void find_contact_residuals() {
+        BodySolve& s = w.s;
+        place_bodies(w, true);
+        for (BodyProgress& b : s.bodies) b.rhs.setZero();
+        for_each_chunk(w, follows,
+                       [](auto& c, const auto& kernel, unsigned lanes) { kernel.contact_residual(c, lanes); });
+        for (int i = 0; i < s.island_count; ++i) s.islands[i].contact_residual = 0;
+        for_each_lane(
+            w, [&](auto& c, int lane, Island& i) { i.contact_residual += c.exchange.lanes[lane].contact_residual; });
+        pairs_residual(w);
+        const double share = w.solver.contact_share * w.solver.contact_share;
+        for (int i = 0; i < s.island_count; ++i) {
+            Island& island = s.islands[i];
+            if (!island.following) continue;
+            for (int b : island.bodies)
+                island.contact_residual += s.bodies[b].rhs.head<3>().squaredNorm() +
+                                           s.bodies[b].rhs.tail<3>().squaredNorm() / (size_of(w, b) * size_of(w, b));
+            island.following = island.contact_residual > share * island.evaluation.residual;
+        }
+    }
+    bool follow() const { return std::any_of(w.s.islands.begin(), w.s.islands.begin() + w.s.island_count, follows); }
+    void add_to_directions() { solve_direction(w, follows, Condense::residual); }
+    void keep_better() {
+        BodySolve& s = w.s;
+        auto worse = [](const Island& i) { return i.decision.newton && i.first_slope < 0 && !(i.slope < 0); };
+        for_each_chunk(w, worse, [](auto& c, const auto& kernel, unsigned lanes) { kernel.restore(c, lanes); });
+        for (int i = 0; i < s.island_count; ++i)
+            if (worse(s.islands[i])) {
+                s.islands[i].slope = s.islands[i].first_slope;
+                for (int b : s.islands[i].bodies) s.bodies[b].step = s.bodies[b].first_step;
+            }
+    }
+};
+
+/// Follows the contacts of islands whose direction leads downhill.
+void follow_contacts_of_islands(Work& w) {
+    if (w.solver.contact_iterations <= 0) return;
     BodySolve& s = w.s;
-    auto following = [](const Island& i) { return i.following; };
-    bool any_following = false;
     for (int i = 0; i < s.island_count; ++i) {
         Island& island = s.islands[i];
         island.first_slope = island.slope;
@@ -262,36 +304,8 @@ void follow_contacts(Work& w) {
         island.following = island.decision.newton && !island.soft && island.progress.exactness <= 0 && island.slope < 0;
         for (int b : island.bodies) s.bodies[b].first_step = s.bodies[b].step;
     }
-    for (int k = 0; k < w.solver.contact_iterations; ++k) {
-        place_bodies(w, true);
-        for (BodyProgress& b : s.bodies) b.rhs.setZero();
-        for_each_chunk(w, following,
-                       [](auto& c, const auto& kernel, unsigned lanes) { kernel.contact_residual(c, lanes); });
-        for (int i = 0; i < s.island_count; ++i) s.islands[i].contact_residual = 0;
-        for_each_lane(
-            w, [&](auto& c, int lane, Island& i) { i.contact_residual += c.exchange.lanes[lane].contact_residual; });
-        pairs_residual(w);
-        any_following = false;
-        for (int i = 0; i < s.island_count; ++i) {
-            Island& island = s.islands[i];
-            if (!island.following) continue;
-            for (int b : island.bodies)
-                island.contact_residual += s.bodies[b].rhs.head<3>().squaredNorm() +
-                                           s.bodies[b].rhs.tail<3>().squaredNorm() / (size_of(w, b) * size_of(w, b));
-            const double share = w.solver.contact_share * w.solver.contact_share;
-            island.following = island.contact_residual > share * island.evaluation.residual;
-            any_following |= island.following;
-        }
-        if (!any_following) break;
-        solve_direction(w, following, Condense::residual);
-    }
-    auto worse = [](const Island& i) { return i.decision.newton && i.first_slope < 0 && !(i.slope < 0); };
-    for_each_chunk(w, worse, [](auto& c, const auto& kernel, unsigned lanes) { kernel.restore(c, lanes); });
-    for (int i = 0; i < s.island_count; ++i)
-        if (worse(s.islands[i])) {
-            s.islands[i].slope = s.islands[i].first_slope;
-            for (int b : s.islands[i].bodies) s.bodies[b].step = s.bodies[b].first_step;
-        }
+    FollowedIslands followed{w};
+    detail::follow_contacts(followed, w.solver.contact_iterations);
 }
 
 }  // namespace
@@ -304,7 +318,7 @@ void find_directions(BodyWork& w) {
             couple_soft_objects(w, island);
     // After them: conjugate gradients leave nothing of what other lanes of a chunk go on with.
     solve_direction(w, newton_of(false), Condense::gradient);
-    if (w.solver.contact_iterations > 0) follow_contacts(w);
+    follow_contacts_of_islands(w);
 }
 
 }  // namespace palpate

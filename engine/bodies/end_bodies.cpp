@@ -87,8 +87,8 @@ void end_bodies(Work& w) {
         // Nothing acts on it: what the solve has left of its turn is not taken from its angular momentum.
         if (p.converged && (b.inertia.gradient - b.gradient).isZero(0))
             b.inertia.gradient.tail<3>().setZero(), b.gradient.tail<3>().setZero();
-        const Vec3<double> way = b.pose.position - b.start.position;
-        body.reset = !std::isfinite(dot(way, way) + b.gradient.squaredNorm() + b.pose.rotation.w);
+        const Vec3<double> displacement = b.pose.position - b.start.position;
+        body.reset = !std::isfinite(dot(displacement, displacement) + b.gradient.squaredNorm() + b.pose.rotation.w);
         if (body.reset) {
             b.pose = b.start;
             body.velocity = body.angular_momentum = body.contact_force = body.contact_torque = body.acceleration = {};
@@ -98,7 +98,7 @@ void end_bodies(Work& w) {
             body.converged &=
                 b.gradient.head<3>().norm() <= std::max(share * contact.head<3>().norm(), fitted::own_rounding);
             const Vec3<double> before = body.velocity;
-            body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * way;
+            body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * displacement;
             if (b.flies) body.velocity += (0.5 * w.solver.dt / body.mass) * b.weight;
             body.acceleration = (1 / w.solver.dt) * (body.velocity - before);
             for (int k = 0; k < 3; ++k) {

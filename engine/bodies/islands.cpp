@@ -114,7 +114,7 @@ void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<Pai
         if (w.solver.inertia) undo_overlap(c, -at.surface.distance, overlap_begins, recovery);
     };
     for_each_contact(begin_contact);
-    if (find_way_out(p, features, a, b)) for_each_contact(begin_contact);
+    if (find_exit_face(p, features, a, b)) for_each_contact(begin_contact);
     if (std::none_of(p.contacts.begin(), p.contacts.end(), [](const FeatureContact& c) { return c.undone > 0; }))
         return;
     for_each_contact([&](const FeatureContact& c, const Touch& at) {
@@ -166,7 +166,7 @@ bool put_back(BodyWork& w, int object) {
 /// deep in one that has been put back: of a stack, all.
 void begin_outside(BodyWork& w) {
     // How far the guess had led what has been put back.
-    auto way_back = [&](int object) {
+    auto distance_back = [&](int object) {
         const int body = w.shapes[object].body;
         return body < 0 ? 0 : norm(w.s.objects[object].centre - w.s.bodies[body].pose.position);
     };
@@ -174,7 +174,7 @@ void begin_outside(BodyWork& w) {
         again = false;
         for (const BodyPair& p : w.s.pairs) {
             if (p.a < 0) continue;
-            const double lost = std::max(way_back(p.a), way_back(p.b));
+            const double lost = std::max(distance_back(p.a), distance_back(p.b));
             if (std::none_of(p.contacts.begin(), p.contacts.end(), [&](const FeatureContact& c) {
                     return c.distance - c.offset - lost < -fitted::deepest_guess;
                 }))

@@ -9,6 +9,7 @@
 #include "engine/bodies/directions.h"
 #include "engine/bodies/pair_ends.h"
 #include "engine/bodies/soft_contact.h"
+#include "engine/skin/solve/newton.h"
 #include "engine/skin/solve/progress.h"
 #include "engine/systems.h"
 
@@ -56,18 +57,15 @@ void find_slow_islands(Work& w) {
     });
 }
 
-/// Their lanes have matrices of their own next. Whether any of them go on.
-bool renew_where_slow(Work& w) {
-    bool any = false;
+/// Their lanes have matrices of their own next.
+void wait_with_matrices(Work& w) {
     for_each_lane(w, [&](auto& c, int lane, const Island& i) {
         if (!i.slow || i.progress.converged) return;
         auto& wait = c.state.matrix_wait[std::size_t(lane)];
         const int steps = std::max(int(wait), detail::fitted::unkept_steps);
         forget_matrix(c, lane, steps);
         wait = decltype(2 * wait)(std::min(2 * steps, detail::fitted::longest_wait));
-        any |= bool(i.decision.newton);
     });
-    return any;
 }
 
 /// Inertia, weight and contact between bodies, into their gradients and their islands.
@@ -187,7 +185,8 @@ void judge_directions(Work& w) {
     });
 }
 
-void newton_step(Work& w) {
+/// Directions of the islands that take a Newton step (directions.h), from gradients as they are.
+void begin_directions(Work& w) {
     BodySolve& s = w.s;
     auto newton = [](const Island& i) { return bool(i.decision.newton); };
     for (int i = 0; i < s.island_count; ++i)
@@ -203,8 +202,6 @@ void newton_step(Work& w) {
             for (int k = 0; k < 6; ++k) b.rhs[k] += c.exchange.body_gradient[(6 * slot + k) * c.width + lane];
         });
     });
-    find_directions(w);
-    judge_directions(w);
 }
 
 void move_all(Work& w) {
@@ -287,6 +284,53 @@ void stiffen_against_inertia(Work& w) {
     });
 }
 
+/// Islands as newton.h iterates them.
+struct IslandSolve {
+    Work& w;
+    bool any_active = false, any_update = false, any_newton = false, any_retry = false;
+
+    bool goes_on() const { return any_active; }
+    bool updates() const { return any_update; }
+    bool steps() const { return any_newton; }
+    bool moves() const { return any_newton || any_retry; }
+    void cut_budgets() {
+        for (int i = 0; i < w.s.island_count; ++i) detail::cut_budget(w.s.islands[i].progress);
+    }
+    void evaluate() {
+        evaluate_all(w, [&](const Island& i) {
+            return i.progress.active && i.progress.iterations < detail::iterations_allowed(w.solver, i.progress);
+        });
+    }
+    void decide() {
+        find_slow_islands(w);
+        any_active = any_update = any_newton = any_retry = false;
+        for (int i = 0; i < w.s.island_count; ++i) {
+            Island& island = w.s.islands[i];
+            if (!island.progress.active) {
+                island.decision = {};
+                continue;
+            }
+            island.decision = detail::decide<double>(island.evaluation, island.rounding, w.solver, island.progress);
+            stop_where_jammed(w, island);
+            detail::shorten_steps(island.progress, island.decision, island.evaluation);
+            any_retry |= island.decision.retry, any_update |= island.decision.update;
+            any_newton |= island.decision.newton, any_active |= island.progress.active;
+        }
+        wait_with_matrices(w);
+    }
+    void renew_slow_matrices() {
+        auto renews = [](const Island& i) { return i.slow && i.decision.newton; };
+        if (std::any_of(w.s.islands.begin(), w.s.islands.begin() + w.s.island_count, renews)) evaluate_all(w, renews);
+    }
+    void update_multipliers() { update_all(w); }
+    void find_directions() {
+        begin_directions(w);
+        palpate::find_directions(w);
+    }
+    void judge_directions() { palpate::judge_directions(w); }
+    void move() { move_all(w); }
+};
+
 }  // namespace
 
 void place_bodies(BodyWork& w, bool at_end_of_step) {
@@ -348,34 +392,8 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     stiffen_against_inertia(w);
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
-    for (int pass = 0;; ++pass) {
-        if (solve.cut.is_late(pass) && solve.cut.at == pass)
-            for (int i = 0; i < solve.island_count; ++i) detail::cut_budget(solve.islands[i].progress);
-        bool goes_on = false;
-        evaluate_all(w, [&](const Island& i) {
-            return active(i) && i.progress.iterations < detail::iterations_allowed(solver, i.progress);
-        });
-        find_slow_islands(w);
-        bool retry = false, update = false, newton = false;
-        for (int i = 0; i < solve.island_count; ++i) {
-            Island& island = solve.islands[i];
-            if (!active(island)) {
-                island.decision = {};
-                continue;
-            }
-            island.decision = detail::decide<double>(island.evaluation, island.rounding, solver, island.progress);
-            stop_where_jammed(w, island);
-            detail::shorten_steps(island.progress, island.decision, island.evaluation);
-            retry |= island.decision.retry, update |= island.decision.update, newton |= island.decision.newton;
-            goes_on |= active(island);
-        }
-        const bool slow = renew_where_slow(w);
-        if (!goes_on) break;
-        if (slow) evaluate_all(w, [](const Island& i) { return i.slow && i.decision.newton; });
-        if (update) update_all(w);
-        if (newton) newton_step(w);
-        if (newton || retry) move_all(w);
-    }
+    IslandSolve islands{w};
+    detail::iterate(islands, solve.cut);
     for (BodyPair& p : solve.pairs) {
         if (p.a < 0) continue;
         update_pair(p, true);

@@ -21,12 +21,12 @@ bool touches(const SkinChunk<T>& c, int lane, int slot, std::size_t sample) {
 /// How far a finger's bone and an object moved past each other in this step [m].
 template <class T>
 double travel(const SkinChunk<T>& c, int lane, const LaneContact& o) {
-    Vec3<double> way;
+    Vec3<double> displacement;
     for (int d = 0; d < 3; ++d) {
         const std::size_t i = std::size_t(d * c.width + lane);
-        way[d] = double(c.state.bone[i]) - double(c.scratch.start_bone[i]);
+        displacement[d] = double(c.state.bone[i]) - double(c.scratch.start_bone[i]);
     }
-    return norm(way - (o.pose.position - o.start.position));
+    return norm(displacement - (o.pose.position - o.start.position));
 }
 
 /// Of what a finger may be on both sides of, where it began so or came through: its rest touches as if nothing were
@@ -165,16 +165,16 @@ int corners_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, const 
 bool leads_through(const DistanceMesh& mesh, const Vec3<double>& a, const Vec3<double>& b) {
     constexpr double touching = 1e-6, shortest = 1.0 / 256, opposite = -0.5;
     constexpr int most = 400;
-    const Vec3<double> way = b - a;
-    const double length = norm(way);
+    const Vec3<double> path = b - a;
+    const double length = norm(path);
     bool inside = false;
     Vec3<double> entered{0, 0, 0};
     double at = 0;
     for (int step = 0; step < most; ++step) {
-        const MeshPoint p = mesh_surface_distance(mesh, a + (at / length) * way);
+        const MeshPoint p = mesh_surface_distance(mesh, a + (at / length) * path);
         if (step == 0 && p.distance > length) return false;
-        if (!inside && p.distance < touching && dot(p.normal, way) < 0) inside = true, entered = p.normal;
-        if (inside && p.distance > -touching && dot(p.normal, way) > 0) {
+        if (!inside && p.distance < touching && dot(p.normal, path) < 0) inside = true, entered = p.normal;
+        if (inside && p.distance > -touching && dot(p.normal, path) > 0) {
             if (dot(p.normal, entered) < opposite) return true;
             inside = false;
         }

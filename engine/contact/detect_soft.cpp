@@ -155,10 +155,10 @@ bool find_face(const SoftObject& o, const Vec3<double>& x, double reach, Stencil
     }
     if (!found) return false;
     // At an edge the way to the surface is the normal, unless it is too short to tell.
-    const Vec3<double> way = x - on_face;
-    const double length = norm(way), size = norm(own);
+    const Vec3<double> offset = x - on_face;
+    const double length = norm(offset), size = norm(own);
     normal = size > 0 ? (1 / size) * own : Vec3<double>{0, 0, 1};
-    if (!inside && length > 1e-6) normal = (dot(way, together) < 0 ? -1 / length : 1 / length) * way;
+    if (!inside && length > 1e-6) normal = (dot(offset, together) < 0 ? -1 / length : 1 / length) * offset;
     return true;
 }
 

@@ -35,7 +35,7 @@ void doubt_units(Section& s, const std::string& position_key, const std::string&
 }
 
 /// From 170 to -170 degrees is 340 degrees as it is written, and few mean that.
-void doubt_long_way(Section& s, const Vec3<double>& from, const Vec3<double>& to) {
+void doubt_long_turn(Section& s, const Vec3<double>& from, const Vec3<double>& to) {
     for (int i = 0; i < 3; ++i) {
         const double a = from[i] / unit::deg.si, b = to[i] / unit::deg.si, turn = b - a;
         if (std::abs(turn) > 180 + 1e-6 && std::abs(turn) < 360 - 1e-6)
@@ -90,7 +90,7 @@ std::vector<Keyframe> read_track(Section& owner, const char* sentence) {
         k.pose = keys.over(track.empty() ? Pose<double>::identity() : track.back().pose);
         const Vec3<double> before = std::exchange(angles, keys.rotation.value_or(angles));
         if (!track.empty()) k.turn = written_turn(before, angles);
-        if (!k.turn.empty()) doubt_long_way(s, before, angles);
+        if (!k.turn.empty()) doubt_long_turn(s, before, angles);
         if (s.sound("t_s") && !track.empty() && k.time <= track.back().time)
             s.complain("t_s", "keyframes must follow each other in time: " + number_text(k.time) +
                                   " s does not come after " + number_text(track.back().time) + " s");

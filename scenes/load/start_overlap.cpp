@@ -75,7 +75,7 @@ bool lies_inside(const FingerSpec& f, const ObjectSpec& o) {
 }
 
 /// What comes of an overlap.
-std::string way_out(const Scene& scene) {
+std::string remedy(const Scene& scene) {
     char text[80];
     plain_snprintf(text, sizeof text, "it comes out at %.3g mm/s (solver.recovery_speed_mm_per_s)",
                    1e3 * scene.spec.solver.recovery_speed);
@@ -154,7 +154,7 @@ void check_fingers_in_objects(const Scene& scene, Problems& problems, const Pose
                 problems.add(nullptr, what + ", deeper than half its thickness (" + mm_text(most) +
                                           "): let its track begin outside" + (in_metres(f) ? metres_hint : ""));
             else
-                problems.warnings.push_back(problems.placed(nullptr, what + ": " + way_out(scene)));
+                problems.warnings.push_back(problems.placed(nullptr, what + ": " + remedy(scene)));
         }
 }
 

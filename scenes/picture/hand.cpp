@@ -61,11 +61,11 @@ Natural natural(const Last& last, const RestFinger& f, double bend) {
 /// The middle joint between two that are fixed, bent to the side where `hint` is; bones are stretched where they do
 /// not reach.
 Vector3d middle_joint(const Vector3d& root, const Vector3d& last, double first, double second, const Vector3d& hint) {
-    const Vector3d way = last - root;
-    const double distance = std::max(1e-4, way.norm());
+    const Vector3d span = last - root;
+    const double distance = std::max(1e-4, span.norm());
     const double stretch = std::clamp(distance / (0.985 * (first + second)), 1.0, 4.0);
     first *= stretch, second *= stretch;
-    const Vector3d u = way / distance;
+    const Vector3d u = span / distance;
     const double along =
         std::clamp((first * first - second * second + distance * distance) / (2 * distance), -first, first);
     Vector3d side = hint - root - (hint - root).dot(u) * u;

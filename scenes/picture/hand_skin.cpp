@@ -43,9 +43,9 @@ std::vector<RoundBone> round_bones() {
 }
 
 double distance_to(const RoundBone& bone, const Vector3d& x) {
-    const Vector3d way = bone.b - bone.a;
-    const double t = std::clamp((x - bone.a).dot(way) / way.squaredNorm(), 0.0, 1.0);
-    return (x - bone.a - t * way).norm() - (bone.ra + t * (bone.rb - bone.ra));
+    const Vector3d axis = bone.b - bone.a;
+    const double t = std::clamp((x - bone.a).dot(axis) / axis.squaredNorm(), 0.0, 1.0);
+    return (x - bone.a - t * axis).norm() - (bone.ra + t * (bone.rb - bone.ra));
 }
 
 /// Distance to all of them, edges between two filled softly (within a few millimetres).

@@ -37,9 +37,9 @@ void add_quad(Triangles& t, const std::array<Vector3d, 4>& x, const std::array<V
 
 /// A round bar between two points, `radius` at both, without ends where `open`.
 void add_bar(Triangles& t, const Vector3d& a, const Vector3d& b, double ra, double rb, Colour colour) {
-    const Vector3d way = b - a;
-    if (way.norm() < 1e-6) return;
-    const Vector3d z = way.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
+    const Vector3d axis = b - a;
+    if (axis.norm() < 1e-6) return;
+    const Vector3d z = axis.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
     constexpr int around = 12;
     for (int k = 0; k < around; ++k) {
         std::array<Vector3d, 2> side;
@@ -86,8 +86,8 @@ void dent(const World& world, const VirtualObject& o, Triangles& t) {
         // The surface is moved inwards, along its normal, to the skin that lies inside of it nearby.
         double deepest = 0;
         for (const Vector3d& x : skin) {
-            const Vector3d way = x - v.position;
-            const double depth = -way.dot(v.normal), beside = (way + depth * v.normal).norm();
+            const Vector3d offset = x - v.position;
+            const double depth = -offset.dot(v.normal), beside = (offset + depth * v.normal).norm();
             deepest = std::max(deepest, depth * std::exp(-0.5 * beside * beside / (0.002 * 0.002)));
         }
         v.position -= deepest * v.normal;
@@ -318,11 +318,11 @@ Triangles thimble_triangles(const World& world, const Matching& m) {
 
 Triangles arrow_triangles(const Vector3d& from, const Vector3d& to, double radius, Colour colour) {
     Triangles t;
-    const Vector3d way = to - from;
-    const double length = way.norm();
+    const Vector3d axis = to - from;
+    const double length = axis.norm();
     if (length < 1e-6) return t;
     const double head = std::min(0.5 * length, 5 * radius);
-    const Vector3d neck = to - head / length * way;
+    const Vector3d neck = to - head / length * axis;
     add_bar(t, from, neck, radius, radius, colour);
     add_bar(t, neck, to, 2.4 * radius, 0, colour);
     return t;

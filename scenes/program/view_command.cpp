@@ -169,8 +169,8 @@ struct LiveRun {
         text = data["scene"];
         if (!goes_on) open_outside();
         if (goes_on && record) record->change_settings(*simulation, overrides);
-        data["stage"] = stage_of(*simulation);
-        if (!page_data.is_null() && page_data["stage"] == data["stage"]) return;  // sliders know their own place
+        data["model"] = page_model(*simulation);
+        if (!page_data.is_null() && page_data["model"] == data["model"]) return;  // sliders know their own place
         page_data = std::move(data);
         server.set_page(page_with(page_data));
     }

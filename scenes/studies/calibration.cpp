@@ -281,9 +281,9 @@ Local fit_from(Fit& fit, VectorXd u, double damping, const std::atomic<bool>& st
             if (best.converged) break;
             continue;
         }
-        const double way = (tries[chosen] - best.u).cwiseAbs().maxCoeff();
+        const double step = (tries[chosen] - best.u).cwiseAbs().maxCoeff();
         best.u = tries[chosen], best.r = r[chosen];
-        best.converged = (cost - next < 1e-4 * cost && way < 1e-2) || way < nothing;
+        best.converged = (cost - next < 1e-4 * cost && step < 1e-2) || step < nothing;
         if (best.converged) break;
     }
     if (best.r.size() == 0) best.r = fit.residuals_at({best.u})[0];  // stopped at once

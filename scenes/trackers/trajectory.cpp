@@ -23,16 +23,16 @@ Quaternion<double> from_roll_pitch_yaw(double roll, double pitch, double yaw) {
 }
 
 std::vector<Quaternion<double>> written_turn(const Vec3<double>& from, const Vec3<double>& to) {
-    const Vec3<double> way = to - from;
-    const double most = std::max({std::abs(way.x), std::abs(way.y), std::abs(way.z)});
-    const int changed = (way.x != 0) + (way.y != 0) + (way.z != 0);
+    const Vec3<double> change = to - from;
+    const double most = std::max({std::abs(change.x), std::abs(change.y), std::abs(change.z)});
+    const int changed = (change.x != 0) + (change.y != 0) + (change.z != 0);
     if (most < (changed == 1 ? 1 : 2) * std::numbers::pi - 1e-9) return {};
     // Angles about several axes turn about none that stays: short parts follow them.
     const int parts = int(std::ceil(most / (5 * std::numbers::pi / 180)));
     const Quaternion<double> back = conjugate(from_roll_pitch_yaw(from.x, from.y, from.z));
     std::vector<Quaternion<double>> turn;
     for (int i = 0; i <= parts; ++i) {
-        const Vec3<double> at = from + (double(i) / parts) * way;
+        const Vec3<double> at = from + (double(i) / parts) * change;
         turn.push_back(normalised(back * from_roll_pitch_yaw(at.x, at.y, at.z)));
     }
     return turn;

@@ -1,15 +1,15 @@
 'use strict';
-// A run: its stage (fingers, objects, thimbles), its frames in the format of stage.h, and how they are coloured. Lengths in
+// A run: its model (fingers, objects, thimbles), its frames in the format of page_model.h, and how they are coloured. Lengths in
 // metres there, in millimetres here.
 window.addEventListener('error', event => { document.body.dataset.error = event.message; });
 
 const dark = Boolean(window.matchMedia) && window.matchMedia('(prefers-color-scheme: dark)').matches;
-const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), stage = run.stage;
+const by = id => document.getElementById(id), run = JSON.parse(by('data').textContent), model = run.model;
 const inHtml = text => text.replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
 /** A name as it is shown: its ends, where it is long. */
 const shownName = name => { const all = Array.from(name); return all.length > 22 ? all.slice(0, 12).join('') + '…' + all.slice(-8).join('') : name; };
-for (const finger of stage.fingers) finger.name = shownName(finger.name);
-for (const finger of stage.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
+for (const finger of model.fingers) finger.name = shownName(finger.name);
+for (const finger of model.fingers) finger.rest = finger.rest.map(x => 1e3 * x);
 const hand_bone_count = 16;
 const palette = dark  // of fingers
   ? ['#6ea8fe', '#f0a04b', '#5fcf80', '#f783ac', '#b197fc', '#4dd0e1', '#e599f7', '#c0e070', '#ffd43b', '#ced4da']
@@ -28,7 +28,7 @@ function readFrame(view, at) {
   const i16 = () => { p += 2; return view.getInt16(p - 2, true); };
   const pose = () => { const v = []; for (let i = 0; i < 7; ++i) v.push(f32()); return v; };
   const frame = { time: f32(), step_us: f32(), steps: f32(), fingers: [], objects: [], thimbles: [] };
-  for (const finger of stage.fingers) {
+  for (const finger of model.fingers) {
     const n = finger.rest.length / 3;
     const f = { bone: pose(), force: f32(), area: f32() }, pressure_unit = 1e-3 * f32(), force_unit = f32();
     f.converged = f32();
@@ -45,7 +45,7 @@ function readFrame(view, at) {
     f.outline = Float32Array.from({ length: 3 * view.getUint16(p - 2, true) }, () => 2e-3 * i16());
     frame.fingers.push(f);
   }
-  for (const object of stage.objects) {
+  for (const object of model.objects) {
     const at = pose();
     frame.objects.push(at);
     if (object.kind !== 'soft') continue;
@@ -56,13 +56,13 @@ function readFrame(view, at) {
       p += 2; at.pressure[i] = unit * view.getUint16(p - 2, true);
     }
   }
-  for (const thimble of stage.thimbles) {
+  for (const thimble of model.thimbles) {
     const t = { pose: pose(), q: [] };
     for (let k = 0; k < thimble.joint_min.length; ++k) t.q.push(f32());
     t.rms = f32();
     p += 4; t.contact = view.getUint32(p - 4, true) !== 0;
     t.links = thimble.links.map(count => Float32Array.from({ length: 3 * count }, () => 1e-2 * i16()));
-    const { rest, samples } = stage.fingers[thimble.finger], n = rest.length / 3;
+    const { rest, samples } = model.fingers[thimble.finger], n = rest.length / 3;
     const force = f32(), unit = 1e-3 * f32();
     t.felt = { force, position: new Float32Array(3 * n), pressure: new Float32Array(n), touches: [] };
     for (let i = 0; i < n; ++i) {
@@ -72,7 +72,7 @@ function readFrame(view, at) {
     for (let i = 0; i < samples.length; ++i) t.felt.touches.push(view.getUint8(p++));
     frame.thimbles.push(t);
   }
-  frame.hands = stage.hands.map(() => {  // per bone 9 numbers of its linear part, 3 of its translation [mm]
+  frame.hands = model.hands.map(() => {  // per bone 9 numbers of its linear part, 3 of its translation [mm]
     const bones = new Float32Array(12 * hand_bone_count);
     for (let b = 0; b < bones.length; b += 12) {
       for (let i = 0; i < 9; ++i) bones[b + i] = i16() / 4096;
@@ -93,7 +93,7 @@ const quantities = {
 };
 for (const q of Object.values(quantities)) { q.most = q.least; q.peaks = []; }
 /** The scale of each finger's own pad: pressure [kPa] alone. */
-const pad_scales = stage.fingers.map(() => ({ least: 1, most: 1, peaks: [] }));
+const pad_scales = model.fingers.map(() => ({ least: 1, most: 1, peaks: [] }));
 let pressure_fixed = null;  // by a person [kPa]: of all fingers, the same
 /** Not below x, and reads well: as in pictures. */
 function roundUp(x) {
@@ -108,8 +108,8 @@ function fitScales() {
     if (peaks.length > 0) q.most = roundUp(peaks[Math.floor(0.95 * (peaks.length - 1))]);
     if (q.peaks.length > 20000) q.peaks.splice(0, 10000);
   }
-  quantities.pressure.most = pressure_fixed || stage.pressure_kPa || quantities.pressure.most;
-  pad_scales.forEach((scale, k) => { scale.most = pressure_fixed || stage.fingers[k].pressure_kPa || scale.most; });
+  quantities.pressure.most = pressure_fixed || model.pressure_kPa || quantities.pressure.most;
+  pad_scales.forEach((scale, k) => { scale.most = pressure_fixed || model.fingers[k].pressure_kPa || scale.most; });
 }
 // From skin over red and purple to nearly black: lightness falls evenly, so that it reads without seeing colours.
 const skin_colours = [[236, 196, 172], [244, 143, 98], [222, 78, 88], [164, 38, 104], [98, 18, 104], [38, 8, 60]];

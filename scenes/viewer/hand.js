@@ -6,7 +6,7 @@ const hand_colour = '#e6c2ab';
 
 /** Fewer vertices and triangles of a surface: of all vertices of one cell and one bone, the one nearest to their middle. */
 function coarserHand(triangles, cell) {
-  const { vertices, bones } = stage.hand_skin, count = vertices.length / 3, cells = new Map(), stands_for = new Int32Array(count);
+  const { vertices, bones } = model.hand_skin, count = vertices.length / 3, cells = new Map(), stands_for = new Int32Array(count);
   for (let v = 0; v < count; ++v) {
     const key = [0, 1, 2].map(d => Math.floor(1e-2 * vertices[3 * v + d] / cell)).join() + ':' + bones[2 * v];
     if (!cells.has(key)) cells.set(key, []);
@@ -27,7 +27,7 @@ function coarserHand(triangles, cell) {
 }
 /** A posed part of the hand's skin: show(bones). */
 function handShape(triangles) {
-  const { vertices, bones: follows, second } = stage.hand_skin, number = new Map(), used = [];
+  const { vertices, bones: follows, second } = model.hand_skin, number = new Map(), used = [];
   const index = triangles.map(v => {
     if (!number.has(v)) number.set(v, used.push(v) - 1);
     return number.get(v);

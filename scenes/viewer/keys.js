@@ -43,15 +43,15 @@ function save(address, name) {
   const link = Object.assign(document.createElement('a'), { download: name, href: address });
   link.click();
 }
-/** The stage as one sees it: what is drawn, and the names and numbers over it. */
-function stagePicture() {
+/** The viewport as one sees it: what is drawn, and the names and numbers over it. */
+function viewportPicture() {
   const picture = document.createElement('canvas'), g = picture.getContext('2d'), drawn = renderer.domElement;
   Object.assign(picture, { width: drawn.width, height: drawn.height });
   g.drawImage(drawn, 0, 0);
-  const from = by('stage').getBoundingClientRect(), scale = drawn.width / from.width;
+  const from = by('viewport').getBoundingClientRect(), scale = drawn.width / from.width;
   g.scale(scale, scale);
   g.textBaseline = 'top';
-  for (const element of by('stage').querySelectorAll('.tag, .pad b, .pad span, .pad em, .pad canvas, #legend div, #legend span, #legend canvas')) {
+  for (const element of by('viewport').querySelectorAll('.tag, .pad b, .pad span, .pad em, .pad canvas, #legend div, #legend span, #legend canvas')) {
     const box = element.getBoundingClientRect(), look = getComputedStyle(element);
     if (box.width === 0) continue;
     if (element.tagName === 'CANVAS') g.drawImage(element, box.left - from.left, box.top - from.top, box.width, box.height);
@@ -63,9 +63,9 @@ function stagePicture() {
   return picture;
 }
 function savePicture() {
-  save(stagePicture().toDataURL('image/png'), `${stage.title} ${frames[now].time.toFixed(3)} s.png`);
+  save(viewportPicture().toDataURL('image/png'), `${model.title} ${frames[now].time.toFixed(3)} s.png`);
 }
-function savePlots() { save('data:image/svg+xml,' + encodeURIComponent(plotsSvg()), stage.title + '.svg'); }
+function savePlots() { save('data:image/svg+xml,' + encodeURIComponent(plotsSvg()), model.title + '.svg'); }
 by('save-picture').onclick = () => { if (frames.length > 0) savePicture(); };
 by('save-plots').onclick = () => { if (frames.length > 0) savePlots(); };
 
@@ -77,7 +77,7 @@ window.addEventListener('keydown', event => {
   if (event.target.tagName === 'INPUT' && (event.target.type === 'number' || event.key.startsWith('Arrow'))) return;
   if (/^(INPUT|BUTTON|SUMMARY)$/.test(event.target.tagName) && event.target.type !== 'range' && /^( |Enter)$/.test(event.key)) return;
   const finger = Number(event.key) - 1;
-  const action = finger >= 0 && finger < stage.fingers.length ? () => look(finger)
+  const action = finger >= 0 && finger < model.fingers.length ? () => look(finger)
     : (key_actions.find(([key]) => key === event.key) || [])[2];
   if (!action || frames.length === 0) return;
   event.preventDefault();

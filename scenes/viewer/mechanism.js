@@ -13,16 +13,16 @@ const z_axis = new THREE.Vector3(0, 0, 1), no_bar = new THREE.Matrix4().makeScal
 function barsOf(material, count, shape = bar_shape, coarse = coarse_bar) {
   const shapes = [shape.clone(), coarse.clone()];
   const mesh = new THREE.InstancedMesh(shapes[0], material, Math.max(1, count)), matrix = new THREE.Matrix4();
-  const way = new THREE.Vector3(), middle = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3();
+  const axis = new THREE.Vector3(), middle = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3();
   mesh.frustumCulled = false;
   mesh.visible = count > 0;
   const hide = k => mesh.setMatrixAt(k, no_bar);
   for (let k = 0; k < mesh.count; ++k) hide(k);
   function lay(k, a, b, radius) {
-    const length = way.copy(b).sub(a).length();
+    const length = axis.copy(b).sub(a).length();
     mesh.instanceMatrix.needsUpdate = true;
     if (!(length > 1e-3)) return hide(k);
-    turn.setFromUnitVectors(z_axis, way.divideScalar(length));
+    turn.setFromUnitVectors(z_axis, axis.divideScalar(length));
     mesh.setMatrixAt(k, matrix.compose(middle.copy(a).add(b).multiplyScalar(0.5), turn, size.set(radius, radius, length)));
   }
   const fit = () => { mesh.geometry = shapes[detail.level > 0 ? 1 : 0]; };
@@ -51,18 +51,18 @@ function partsOf(thimble) {
 }
 /** The platforms' edges, all in one drawing. */
 const thimble_rims = (() => {
-  const { radius } = stage.thimbles[0] || { radius: 0.01 };
+  const { radius } = model.thimbles[0] || { radius: 0.01 };
   const mesh = new THREE.InstancedMesh(new THREE.TorusBufferGeometry(1, 8e-4 / radius, 5, 24), mechanism_colours.ring.clone(),
-    Math.max(1, stage.thimbles.length));
+    Math.max(1, model.thimbles.length));
   mesh.frustumCulled = false;
   return mesh;
 })();
 /** All mechanisms: of each show(t, bone's matrix), which moves it to a thimble of a frame. */
 const thimble_bars = {}, mechanisms = (() => {
-  const all = stage.thimbles.map(partsOf), used = {};
+  const all = model.thimbles.map(partsOf), used = {};
   for (const part of Object.keys(mechanism_colours))
     thimble_bars[part] = barsOf(mechanism_colours[part].clone(), all.flat().filter(one => one.part === part).length);
-  return stage.thimbles.map((thimble, i) => {
+  return model.thimbles.map((thimble, i) => {
     const radius = 1e3 * thimble.radius, disk = new THREE.Object3D(), rim = new THREE.Matrix4(), size = new THREE.Vector3(radius, radius, radius), a = new THREE.Vector3(), b = new THREE.Vector3();
     const parts = all[i].map(part => ({ ...part, number: used[part.part] = (used[part.part] ?? -1) + 1 }));
     function show(t, bone) {

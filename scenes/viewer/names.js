@@ -1,11 +1,11 @@
 'use strict';
-// Names and forces at the fingers, in the stage's pixels: whole, beside each other, with a line to their finger.
+// Names and forces at the fingers, in the viewport's pixels: whole, beside each other, with a line to their finger.
 
 /** Lines from names to fingers are drawn with the scene: over it, a layer of the page's own would have to be blended into
     every picture. */
 const name_lines = (() => {
   const world = new THREE.Scene(), from = new THREE.OrthographicCamera(0, 1, 0, 1, -1, 1), shape = new THREE.BufferGeometry();
-  const colour = new THREE.Color(), count = stage.fingers.length, lines = new THREE.LineSegments(shape, new THREE.LineBasicMaterial(
+  const colour = new THREE.Color(), count = model.fingers.length, lines = new THREE.LineSegments(shape, new THREE.LineBasicMaterial(
     { vertexColors: THREE.VertexColors, depthTest: false, transparent: true, opacity: 0.7 }));
   shape.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6 * count), 3));
   shape.setAttribute('color', new THREE.BufferAttribute(Float32Array.from({ length: 6 * count }, (_, i) =>
@@ -24,12 +24,12 @@ const name_lines = (() => {
   }
   return { lay, draw, world };
 })();
-const tags = stage.fingers.map((finger, k) => {
+const tags = model.fingers.map((finger, k) => {
   const tag = document.createElement('div');
   tag.className = 'tag';
   tag.dataset.finger = finger.name;  // whole, however short it is written
   tag.style.color = palette[k % palette.length];
-  by('stage').append(tag);
+  by('viewport').append(tag);
   return tag;
 });
 const name_ruler = document.createElement('canvas').getContext('2d');
@@ -52,7 +52,7 @@ function sideInShort(name) { return name.replace(/^(left|right) /, side => side[
 /** Names of a frame, for a camera that fills width x height; many on a phone are short and small. */
 function showNames(frame, width, height) {
   const shown = by('names').checked && frame, small = width < 500 && tags.length > 5, name_height = small ? 14 : 19;
-  by('stage').classList.toggle('small-names', small);
+  by('viewport').classList.toggle('small-names', small);
   name_lines.world.visible = Boolean(shown);
   for (const tag of tags) tag.hidden = !shown;
   if (!shown) return;
@@ -65,7 +65,7 @@ function showNames(frame, width, height) {
   const wanted = fingers.map(({ group }, k) => {
     const at = new THREE.Vector3(-4, 0, 8).applyMatrix4(group.matrixWorld).project(camera);
     const x = (0.5 + at.x / 2) * width, y = (0.5 - at.y / 2) * height;
-    const force = frame.fingers[k].force, name = stage.fingers[k].name;
+    const force = frame.fingers[k].force, name = model.fingers[k].name;
     const text = (small ? sideInShort(name) : name) + (force > 5e-4 ? ` ${force.toFixed(small ? 1 : 2)} N` : '');
     const w = name_ruler.measureText(text).width + 8, gap = small ? 24 : Math.min(70, 0.12 * width);
     const left = x > width / 2 ? x + gap : x - gap - w;

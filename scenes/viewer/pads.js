@@ -5,7 +5,7 @@
 
 /** From where each finger's pad is seen: the middle of its skin in the middle, all at one scale. */
 const pad_cameras = (() => {
-  const ends = stage.fingers.map(({ rest }) => [0, 1].map(d => {
+  const ends = model.fingers.map(({ rest }) => [0, 1].map(d => {
     const along = rest.filter((_, i) => i % 3 === d);
     return [Math.min(...along), Math.max(...along)];
   }));
@@ -25,7 +25,7 @@ function padCell(kind, finger) {
   world.background = new THREE.Color(dark ? '#20262f' : '#ffffff');
   label.className = 'pad';
   label.innerHTML = '<b></b><span></span><i><canvas width="64" height="1"></canvas><em></em></i>';
-  by('stage').append(label);
+  by('viewport').append(label);
   const g = label.querySelector('canvas').getContext('2d');
   for (let i = 0; i < 64; ++i) {
     g.fillStyle = 'rgb(' + skinColour(i / 63).map(c => Math.round(255 * c)).join(',') + ')';
@@ -47,14 +47,14 @@ function padLines(colour, most) {
   } };
 }
 
-const pads = stage.fingers.map((finger, k) => {
+const pads = model.fingers.map((finger, k) => {
   const cell = padCell('pad', k), skin = fingers[k].twin();
   const edge = padLines('#0d0d1a', finger.triangles.length / 3), halo = padLines('#ffffff', 4), cross = padLines('#000000', 2);
   cell.world.add(skin.mesh, edge.lines, halo.lines, cross.lines);
   return { ...cell, skin, edge, halo, cross };
 });
-const felt_pads = stage.thimbles.map((thimble, k) => {
-  const cell = padCell('felt', thimble.finger), skin = skinOf(stage.fingers[thimble.finger]), disk = rimOf(thimble, 0.25);
+const felt_pads = model.thimbles.map((thimble, k) => {
+  const cell = padCell('felt', thimble.finger), skin = skinOf(model.fingers[thimble.finger]), disk = rimOf(thimble, 0.25);
   cell.world.add(skin.group, disk);
   return { ...cell, thimble: k, skin, disk };
 });
@@ -79,7 +79,7 @@ function showCell(cell, frame) {
   if (cell.scale.textContent !== end) cell.scale.textContent = end;
 }
 function showPad(pad, f, most) {
-  const { samples } = stage.fingers[pad.finger];
+  const { samples } = model.fingers[pad.finger];
   pad.skin.paint(i => f.pressure[i]);
   pad.skin.scale.most.value = most;
   pad.edge.set(f.outline);
@@ -94,7 +94,7 @@ function showFelt(felt, t, most) {
   felt.skin.show(t.felt.position, i => t.felt.pressure[i]);
   felt.skin.scale.most.value = most;
   place(felt.disk, t.pose);
-  felt.name.textContent = by('pads').checked ? 'feels' : `${stage.fingers[felt.finger].name} feels`;
+  felt.name.textContent = by('pads').checked ? 'feels' : `${model.fingers[felt.finger].name} feels`;
   return `${t.felt.force.toFixed(2)} N`;
 }
 
@@ -132,7 +132,7 @@ function drawPads(layout, width, frame, all, part) {
     last_layout = now;
     for (const cell of [...pads, ...felt_pads]) cell.label.hidden = !layout.cells.includes(cell);
     layout.cells.forEach((cell, k) => {
-      if (cell.kind === 'pad') cell.name.textContent = side < 84 ? sideInShort(stage.fingers[cell.finger].name) : stage.fingers[cell.finger].name;
+      if (cell.kind === 'pad') cell.name.textContent = side < 84 ? sideInShort(model.fingers[cell.finger].name) : model.fingers[cell.finger].name;
       const [x, y] = here(k);
       cell.label.classList.toggle('narrow', side < 84);
       Object.assign(cell.label.style, { left: x - 2.5 + 'px', bottom: (y - (row - side) + 4) + 'px', width: side + 5 + 'px', height: (row - side - 6) + 'px' });

@@ -2,9 +2,9 @@
 // Curves over the time of a run, beside the scene: which to show is chosen, time is zoomed, and they are saved as SVG. What
 // a plot holds is listed once, in items; a canvas and an SVG draw the same list.
 
-const finger_curves = stage.fingers.map((f, k) => ({ name: f.name, colour: palette[k % palette.length], finger: k }));
-const thimble_curves = stage.thimbles.map((t, k) => ({ ...finger_curves[t.finger], thimble: k }));
-const joint_curves = thimble_curves.flatMap(curve => stage.thimbles[curve.thimble].joint_min.map((_, joint) =>
+const finger_curves = model.fingers.map((f, k) => ({ name: f.name, colour: palette[k % palette.length], finger: k }));
+const thimble_curves = model.thimbles.map((t, k) => ({ ...finger_curves[t.finger], thimble: k }));
+const joint_curves = thimble_curves.flatMap(curve => model.thimbles[curve.thimble].joint_min.map((_, joint) =>
   ({ ...curve, name: `${curve.name} ${joint + 1}`, joint })));
 const plots = [
   { id: 'force', title: 'contact force [N]', curves: finger_curves, of: (f, c) => f.fingers[c.finger].force, shown: true },
@@ -18,7 +18,7 @@ const plots = [
   { id: 'converged', title: 'steps converged [%]', curves: finger_curves,
     of: (f, c) => f.steps > 0 ? 100 * f.fingers[c.finger].converged / f.steps : 100 },
   { id: 'step', title: 'longest step [µs] (line: the time step)', curves: [{ name: 'step', colour: '#868e96' }],
-    of: f => f.step_us, line: 1e6 * stage.dt, shown: true },
+    of: f => f.step_us, line: 1e6 * model.dt, shown: true },
 ].filter(plot => plot.curves.length > 0);
 for (const plot of plots) plot.curves = plot.curves.map(curve => ({ ...curve, values: [] }));
 
@@ -29,7 +29,7 @@ function timeSpan() {
 }
 /** Shows the time from a to b, of what there is and not below a few frames. */
 function zoomTime(a, b) {
-  const first = frames[0].time, last = frames[frames.length - 1].time, least = Math.min(last - first, 4 * stage.dt);
+  const first = frames[0].time, last = frames[frames.length - 1].time, least = Math.min(last - first, 4 * model.dt);
   if (b - a < least) [a, b] = [(a + b - least) / 2, (a + b + least) / 2];
   span = a <= first && b >= last ? null : [Math.max(a, first), Math.min(b, last)];
   drawPlots();
@@ -138,7 +138,7 @@ function plotsSvg(w = 640, h = 170) {
   };
   return `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${w} ${20 + list.length * h}" width="${w}" height="${
     20 + list.length * h}" font-family="sans-serif" font-size="11" fill="none">\n<rect width="100%" height="100%" fill="#fff"/>\n` +
-    `<text x="${left}" y="14" font-weight="600" fill="#1c2430">${inHtml(stage.title)}</text>\n${list.map(one).join('')}</svg>\n`;
+    `<text x="${left}" y="14" font-weight="600" fill="#1c2430">${inHtml(model.title)}</text>\n${list.map(one).join('')}</svg>\n`;
 }
 
 /** Keys: the next quantity alone, and all at last. */

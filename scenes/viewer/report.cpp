@@ -79,9 +79,9 @@ std::string ReportRecorder::page(const Simulation& s, const Summary& summary, co
     plain_snprintf(about, sizeof about,
                    "%.3g s in steps of %.3g ms, %.1f %% of them converged; %d frames shown (at most %.0f per second)",
                    s.world.time, 1e3 * s.world.solver.dt, 100 * converged, count_, rate_);
-    nlohmann::json stage = stage_of(s);
-    if (scales.most > 0) set_scales(stage, scales);
-    return page_with({{"stage", stage},
+    nlohmann::json model = page_model(s);
+    if (scales.most > 0) set_scales(model, scales);
+    return page_with({{"model", model},
                       {"frames", base64(frames_)},
                       {"about", about},
                       {"summary", to_text(summary)},

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "scenes/run/summary.h"
-#include "scenes/viewer/stage.h"
+#include "scenes/viewer/page_model.h"
 
 namespace palpate {
 

@@ -1,8 +1,8 @@
 'use strict';
-// The things of the scene in three dimensions, as the stage lists them. Lengths in millimetres.
+// The things of the scene in three dimensions, as the model lists them. Lengths in millimetres.
 
 const renderer = new THREE.WebGLRenderer({ antialias: !drawn_in_software, preserveDrawingBuffer: true });
-by('stage').appendChild(renderer.domElement);
+by('viewport').appendChild(renderer.domElement);
 const scene = new THREE.Scene();
 const camera = new THREE.PerspectiveCamera(32, 1, 1, 4000);
 camera.up.set(0, 0, 1);
@@ -20,22 +20,22 @@ function place(object, pose) {
 const air = dark ? '#1b2028' : '#eef1f5';
 renderer.setClearColor(air);
 scene.background = new THREE.Color(air);
-/** Arrows of forces: point(k, to, way) lets one end at a place. */
+/** Arrows of forces: point(k, to, force) lets one end at a place. */
 const arrows = (() => {
-  const material = new THREE.MeshLambertMaterial({ color: dark ? '#cfd8e3' : '#1a1f29' }), count = stage.fingers.length;
+  const material = new THREE.MeshLambertMaterial({ color: dark ? '#cfd8e3' : '#1a1f29' }), count = model.fingers.length;
   const shafts = barsOf(material, count), heads = barsOf(material, count, new THREE.CylinderBufferGeometry(0, 1, 1, 12).rotateX(Math.PI / 2));
   const neck = new THREE.Vector3(), from = new THREE.Vector3(), meshes = [shafts.mesh, heads.mesh];
-  function point(k, to, way) {
-    const length = way.length(), size = Math.min(1, length / 9);
-    neck.copy(to).addScaledVector(way, -4.5 * size / length);
-    shafts.lay(k, from.copy(to).sub(way), neck, 0.9);
+  function point(k, to, force) {
+    const length = force.length(), size = Math.min(1, length / 9);
+    neck.copy(to).addScaledVector(force, -4.5 * size / length);
+    shafts.lay(k, from.copy(to).sub(force), neck, 0.9);
     heads.lay(k, neck, to, 2.2 * size);
   }
   return { meshes, point, hide: k => { shafts.hide(k); heads.hide(k); } };
 })();
 scene.add(...arrows.meshes);
 
-const fingers = stage.fingers.map(finger => {
+const fingers = model.fingers.map(finger => {
   const skin = skinOf(finger);
   skin.group.remove(skin.mesh);  // its coat is drawn instead
   scene.add(skin.group);
@@ -50,23 +50,23 @@ const fingers = stage.fingers.map(finger => {
 const coat = coatOf(fingers);
 scene.add(coat.mesh);
 
-const objects = stage.objects.map((object, k) => {
+const objects = model.objects.map((object, k) => {
   const group = objectOf(object, k);
   scene.add(group);
   return group;
 });
 let ground = null;
-const floors = objects.filter((_, k) => stage.objects[k].kind === 'plane');
-const hands = stage.hands.map(hand => {
+const floors = objects.filter((_, k) => model.objects[k].kind === 'plane');
+const hands = model.hands.map(hand => {
   const drawn = handOf(hand);
   scene.add(drawn.mesh);
   return drawn;
 });
 for (const { mesh } of Object.values(thimble_bars)) scene.add(mesh);
 scene.add(thimble_rims);
-const thimbles = stage.thimbles.map((thimble, k) => {
+const thimbles = model.thimbles.map((thimble, k) => {
   // Samples that touch: the object and the platform, the object alone, the platform alone.
-  const dots = new THREE.BufferGeometry(), count = stage.fingers[thimble.finger].samples.length;
+  const dots = new THREE.BufferGeometry(), count = model.fingers[thimble.finger].samples.length;
   dots.setAttribute('position', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
   dots.setAttribute('color', new THREE.BufferAttribute(new Float32Array(3 * count), 3));
   const points = new THREE.Points(dots, new THREE.PointsMaterial(
@@ -80,5 +80,5 @@ const touchColours = [[0, 0, 0], [0.85, 0.45, 0.05], [0.12, 0.44, 0.92], [0.1, 0
 // What stands on the floor, in its shadow.
 casts(coat.mesh);
 for (const { mesh } of hands) casts(mesh);
-stage.objects.forEach((object, k) => { if (object.kind !== 'plane') casts(objects[k].children[0]); });
+model.objects.forEach((object, k) => { if (object.kind !== 'plane') casts(objects[k].children[0]); });
 for (const { mesh } of Object.values(thimble_bars)) casts(mesh);

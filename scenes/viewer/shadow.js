@@ -2,7 +2,7 @@
 // The shadow of what stands over a floor, soft, in light that comes almost from above, as in pictures: what casts it is
 // drawn black from the light's side, and floors look it up.
 
-const light_way = new THREE.Vector3(0.16, -0.10, 1).normalize(), shadow_reach = 160;  // [mm]
+const light_direction = new THREE.Vector3(0.16, -0.10, 1).normalize(), shadow_reach = 160;  // [mm]
 const shadow_of_meshes = 1, shadow_of_bars = 2;  // layers
 const shadow_camera = new THREE.OrthographicCamera(-shadow_reach, shadow_reach, shadow_reach, -shadow_reach, 1, 2000);
 const shadow_cells = 256, [shadow_map, half_blurred] = [0, 1].map(() =>
@@ -33,7 +33,7 @@ const soften = (() => {
 function casts(mesh) { mesh.layers.enable(mesh.isInstancedMesh ? shadow_of_bars : shadow_of_meshes); }
 /** Draws the shadow anew, around a place. */
 function castShadow(renderer, scene, around) {
-  shadow_camera.position.copy(around).addScaledVector(light_way, 1000);
+  shadow_camera.position.copy(around).addScaledVector(light_direction, 1000);
   shadow_camera.up.set(0, 1, 0);
   shadow_camera.lookAt(around);
   shadow_camera.updateMatrixWorld();

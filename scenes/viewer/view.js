@@ -7,7 +7,7 @@
 const view = { target: new THREE.Vector3(), beside: new THREE.Vector3(), finger: -1 };
 const frames = [], most_frames = run.live ? 1800 : Infinity;
 const unwelcome_motion = Boolean(window.matchMedia) && window.matchMedia('(prefers-reduced-motion: reduce)').matches;
-let now = 0, playing = run.live || !unwelcome_motion, elapsed = 0, largest_force = 1e-6, largest_sum = stage.force_N || 0.5;
+let now = 0, playing = run.live || !unwelcome_motion, elapsed = 0, largest_force = 1e-6, largest_sum = model.force_N || 0.5;
 let contacts = [];  // of the frame shown
 
 let sharpening = null, drawn_as = '';
@@ -20,7 +20,7 @@ function draw(fineness = 1) {
   const device = window.devicePixelRatio || 1, ratio = fineness * (detail.level > 0 ? Math.min(1, device) * detail.ratio : device);
   if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
   if (drawn_in_software && fineness === 1 && !playing) sharpenSoon();
-  const { clientWidth: width, clientHeight: all_height } = by('stage'), rows = padRows(width, all_height), height = all_height - rows.height;
+  const { clientWidth: width, clientHeight: all_height } = by('viewport'), rows = padRows(width, all_height), height = all_height - rows.height;
   const as = [width, all_height, ratio, rows.height, rows.cells.length].join(), all = detail.level === 0 || as !== drawn_as;
   drawn_as = as;
   ++detail.turn;
@@ -59,14 +59,14 @@ function addFrame(frame) {
   frames.push(frame);
   frame.fingers.forEach((f, k) => {
     f.converged_so_far = f.converged + (before ? before.fingers[k].converged_so_far : 0);
-    const rest = stage.fingers[k].rest;
+    const rest = model.fingers[k].rest;
     for (const q of Object.values(quantities)) {
       let peak = 0;
       for (let i = 0; i < f.pressure.length; ++i) peak = Math.max(peak, q.of(f, i, rest));
       q.peaks.push(peak);
       if (q === quantities.pressure) pad_scales[k].peaks.push(peak);
     }
-    if (!stage.force_N) largest_sum = Math.max(largest_sum, f.force);
+    if (!model.force_N) largest_sum = Math.max(largest_sum, f.force);
     for (let i = 0; i < f.forces.length; i += 3)
       largest_force = Math.max(largest_force, Math.hypot(f.forces[i], f.forces[i + 1], f.forces[i + 2]));
   });
@@ -77,7 +77,7 @@ function addFrame(frame) {
 
 function showFinger(k, f) {
   const { group, edges, lines, move } = fingers[k], q = quantities[by('colour').value];
-  const { rest, samples } = stage.fingers[k], stretch = q === quantities.stretch;
+  const { rest, samples } = model.fingers[k], stretch = q === quantities.stretch;
   place(group, f.bone);
   edges.visible = by('mesh').checked;
   coat.scale.most.value = q.most, coat.scale.limited.value = Number(stretch);
@@ -105,7 +105,7 @@ function showFinger(k, f) {
 }
 
 function showTouches(k, frame, t) {
-  const { finger } = stage.thimbles[k], { samples } = stage.fingers[finger], f = frame.fingers[finger];
+  const { finger } = model.thimbles[k], { samples } = model.fingers[finger], f = frame.fingers[finger];
   const { points } = thimbles[k], at = points.geometry.attributes, x = new THREE.Vector3();
   let shown = 0;
   samples.forEach((node, s) => {
@@ -132,7 +132,7 @@ function show(index) {
     if (objects[k].give) objects[k].give(skinNear(objects[k], frame));
     objects[k].visible = by('objects').checked;
   });
-  if (!ground && objects.length > 0 && !stage.objects.some(object => object.kind === 'plane')) {
+  if (!ground && objects.length > 0 && !model.objects.some(object => object.kind === 'plane')) {
     ground = groundBelow(objects);
     scene.add(ground);
     floors.push(ground);
@@ -142,7 +142,7 @@ function show(index) {
     if (by('hand').checked) hands[k].show(bones);
   });
   frame.thimbles.forEach((t, k) => {
-    thimbles[k].show(t, fingers[stage.thimbles[k].finger].group.matrixWorld);
+    thimbles[k].show(t, fingers[model.thimbles[k].finger].group.matrixWorld);
     showTouches(k, frame, t);
   });
   thimble_rims.visible = by('platforms').checked && thimbles.length > 0;
@@ -163,7 +163,7 @@ function skinNear(object, frame) {
   const points = [];
   object.updateMatrixWorld();
   const back = new THREE.Matrix4().getInverse(object.matrixWorld);
-  frame.fingers.forEach((f, k) => stage.fingers[k].samples.forEach((node, s) => {
+  frame.fingers.forEach((f, k) => model.fingers[k].samples.forEach((node, s) => {
     if (f.forces[3 * s] || f.forces[3 * s + 1] || f.forces[3 * s + 2])
       points.push(new THREE.Vector3().fromArray(f.position, 3 * node).applyMatrix4(fingers[k].group.matrixWorld).applyMatrix4(back));
   }));
@@ -173,13 +173,13 @@ function skinNear(object, frame) {
 function showNumbers(frame) {
   by('fingers').innerHTML = '<tr><th></th><th>force N</th><th>area mm²</th><th>peak kPa</th>' +
     '<th title="share of the steps so far whose solve converged">converged %</th></tr>' +
-    frame.fingers.map((f, k) => `<tr><td style="color:${palette[k % palette.length]}">${inHtml(stage.fingers[k].name)}</td><td>` +
+    frame.fingers.map((f, k) => `<tr><td style="color:${palette[k % palette.length]}">${inHtml(model.fingers[k].name)}</td><td>` +
       `${f.force.toFixed(3)}</td><td>${(1e6 * f.area).toFixed(1)}</td><td>${Math.max(...f.pressure).toFixed(1)}</td><td>${
         frame.steps_so_far > 0 ? (100 * f.converged_so_far / frame.steps_so_far).toFixed(1) : ''}</td></tr>`)
       .join('');
   by('thimbles').innerHTML = frame.thimbles.map((t, k) => {
-    const { joint_min: low, joint_max: high, finger } = stage.thimbles[k];
-    return `<div><span>${inHtml(stage.fingers[finger].name)}</span>` + t.q.map((q, j) => {
+    const { joint_min: low, joint_max: high, finger } = model.thimbles[k];
+    return `<div><span>${inHtml(model.fingers[finger].name)}</span>` + t.q.map((q, j) => {
       const share = (q - low[j]) / (high[j] - low[j]);
       return `<div class="bar" title="${(q * 180 / Math.PI).toFixed(1)} degrees"><i class="${
         share < 0.005 || share > 0.995 ? 'at-limit' : ''}" style="left:calc(${100 * Math.min(1, Math.max(0, share))}% - 1px)"></i></div>`;
@@ -211,7 +211,7 @@ function aim(finger) {
   if (frames.length === 0) return;
   view.finger = finger;
   view.beside.set(0, 0, 0);
-  const middle = middleOf(frames[now], finger), { clientWidth: width, clientHeight: height } = by('stage');
+  const middle = middleOf(frames[now], finger), { clientWidth: width, clientHeight: height } = by('viewport');
   const narrow = Math.max(1, 1.5 * (height - padRows(width, height).height) / width);
   let reach = 30;
   if (finger < 0) for (const f of frames[now].fingers) reach = Math.max(reach, 30 + middle.distanceTo(bonePlace(f)));
@@ -227,7 +227,7 @@ function zoom(by_factor) {
   draw();
 }
 function resize() {
-  const box = by('stage').getBoundingClientRect();
+  const box = by('viewport').getBoundingClientRect();
   renderer.setSize(box.width, box.height);
 }
 function legend() {
@@ -240,15 +240,15 @@ function legend() {
   }
 }
 
-by('title').textContent = stage.title;
-document.title = stage.title + ' - palpate';
+by('title').textContent = model.title;
+document.title = model.title + ' - palpate';
 by('about').textContent = run.about;
 by('summary').textContent = run.summary;
 by('scene').textContent = run.scene;
 by('summary').parentElement.hidden = run.live;
-by('thimbles-box').hidden = by('matched').hidden = stage.thimbles.length === 0;
+by('thimbles-box').hidden = by('matched').hidden = model.thimbles.length === 0;
 by('settings-box').hidden = by('restart').hidden = !run.live;
-stage.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
+model.fingers.forEach((f, k) => by('camera').add(new Option(f.name, k)));
 by('colour').onchange = () => { legend(); show(now); };
 by('scale-end').onchange = () => {
   const kPa = Number(by('scale-end').value);
@@ -263,7 +263,7 @@ for (const id of ['arrows', 'hand', 'platforms', 'objects', 'touches', 'pads', '
 let tell = () => {};  // the live viewer's way to the simulation
 function play(on) {
   playing = on;
-  beginDetail(on, stage.fingers.length);
+  beginDetail(on, model.fingers.length);
   if (!on) show(now);
   by('play').textContent = on ? 'pause' : 'play';
   tell({ pause: !on });
@@ -314,7 +314,7 @@ function startReport() {
   }
   fitScales();
   legend();
-  beginDetail(playing, stage.fingers.length);
+  beginDetail(playing, model.fingers.length);
   aim(-1);
   requestAnimationFrame(tick);
 }
@@ -386,7 +386,7 @@ function startLive() {
       first = false;
       fitScales();
       legend();
-      beginDetail(playing, stage.fingers.length);
+      beginDetail(playing, model.fingers.length);
       aim(-1);
       requestAnimationFrame(showNewest);
       if (link.has('probe')) console.log('first picture drawn');  // for tests
@@ -421,11 +421,11 @@ function probe() {
     seen.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
     if (pixels[i] > 60 && pixels[i] > 1.5 * pixels[i + 1] && pixels[i] > 1.3 * pixels[i + 2]) ++red;
   }
-  const stage_box = by('stage').getBoundingClientRect(), labels = [...document.querySelectorAll('.tag, .pad b')];
+  const viewport_box = by('viewport').getBoundingClientRect(), labels = [...document.querySelectorAll('.tag, .pad b')];
   const boxes = labels.map(label => label.getBoundingClientRect());
   const whole = labels.filter((label, k) => {
-    const box = boxes[k], inside = box.width > 0 && box.left >= stage_box.left && box.right <= stage_box.right &&
-      box.top >= stage_box.top && box.bottom <= stage_box.bottom;
+    const box = boxes[k], inside = box.width > 0 && box.left >= viewport_box.left && box.right <= viewport_box.right &&
+      box.top >= viewport_box.top && box.bottom <= viewport_box.bottom;
     const clear = boxes.every((other, j) => j === k || other.width === 0 || box.right <= other.left || other.right <= box.left ||
       box.bottom <= other.top || other.bottom <= box.top);
     const parent = label.parentElement, fits = !parent.classList.contains('pad') ||

@@ -25,10 +25,10 @@ Clock::duration seconds(double s) {
 }
 
 struct Connection {
-    enum class Stage { request, response, socket };
+    enum class Phase { request, response, socket };
     int fd = -1;
     WebPeer peer;
-    Stage stage = Stage::request;
+    Phase phase = Phase::request;
     Clock::time_point deadline;  ///< of the request, of the response; of a WebSocket while something waits for it
     std::string head;            ///< of the request, so far
     MessageReader reader;
@@ -109,7 +109,7 @@ struct WebServer::State {
 void WebServer::State::make_room() {
     while (connections.size() >= limits.connections) {
         const auto oldest = std::find_if(connections.begin(), connections.end(),
-                                         [](const Connection& c) { return c.stage != Connection::Stage::socket; });
+                                         [](const Connection& c) { return c.phase != Connection::Phase::socket; });
         if (oldest == connections.end()) return;
         ::close(oldest->fd);
         connections.erase(oldest);
@@ -141,7 +141,7 @@ void WebServer::State::receive(Connection& c) {
     if (n <= 0) return;
     if (c.ending) return;  // it was told so
     const std::span<const std::uint8_t> got(bytes, std::size_t(n));
-    if (c.stage == Connection::Stage::socket) {
+    if (c.phase == Connection::Phase::socket) {
         c.reader.add(got);
         return take_messages(c);
     }
@@ -156,7 +156,7 @@ void WebServer::State::receive(Connection& c) {
     const std::string rest = c.head.substr(end + 4);
     c.head.resize(end);
     take_head(c);
-    if (c.stage == Connection::Stage::socket) {
+    if (c.phase == Connection::Phase::socket) {
         c.reader.add(bytes_of(rest));
         take_messages(c);
     }
@@ -168,7 +168,7 @@ void WebServer::State::answer(Connection& c, const WebReply& reply) {
                       "\r\nCache-Control: no-store\r\nReferrer-Policy: no-referrer\r\nX-Frame-Options: DENY\r\n"
                       "X-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n");
     append(c.out, reply.body);
-    c.stage = Connection::Stage::response;
+    c.phase = Connection::Phase::response;
     c.deadline = Clock::now() + seconds(limits.response_s);
     c.ending = true;
 }
@@ -195,7 +195,7 @@ bool WebServer::State::upgrade(Connection& c, const HttpHead& head) {
            "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
            "Sec-WebSocket-Accept: " +
                accept_key(key) + "\r\n\r\n");
-    c.stage = Connection::Stage::socket;
+    c.phase = Connection::Phase::socket;
     ++sockets;
     if (handlers.greeting)
         if (const std::string text = handlers.greeting(); !text.empty())
@@ -234,7 +234,7 @@ void WebServer::State::hand_out() {
         current_number = newest_number;
     }
     for (Connection& c : connections) {
-        if (c.stage != Connection::Stage::socket || c.ending) continue;
+        if (c.phase != Connection::Phase::socket || c.ending) continue;
         const bool was_drained = c.drained();
         for (const std::string& text : fresh)
             if (c.out.size() - c.sent <= limits.skip_bytes) append_message(c.out, Opcode::text, bytes_of(text));
@@ -258,7 +258,7 @@ void WebServer::State::flush(Connection& c) {
         if (n < 0 && errno != EAGAIN && errno != EINTR) c.closed = true;
         if (n <= 0) return;
         c.sent += std::size_t(n);
-        if (c.stage == Connection::Stage::socket) c.deadline = Clock::now() + seconds(limits.response_s);
+        if (c.phase == Connection::Phase::socket) c.deadline = Clock::now() + seconds(limits.response_s);
     }
     c.out.clear(), c.sent = 0;
     if (c.ending) c.closed = true;
@@ -267,14 +267,14 @@ void WebServer::State::flush(Connection& c) {
 void WebServer::State::close_overdue() {
     const auto now = Clock::now();
     for (Connection& c : connections)
-        if (now > c.deadline && (c.stage != Connection::Stage::socket || !c.drained())) c.closed = true;
+        if (now > c.deadline && (c.phase != Connection::Phase::socket || !c.drained())) c.closed = true;
 }
 
 void WebServer::State::remove_closed() {
     std::erase_if(connections, [&](const Connection& c) {
         if (!c.closed) return false;
         ::close(c.fd);
-        if (c.stage != Connection::Stage::socket) return true;
+        if (c.phase != Connection::Phase::socket) return true;
         --sockets;
         if (handlers.gone) handlers.gone(c.peer);
         return true;

@@ -6,7 +6,7 @@
 #include "engine/bodies/rigid_body.h"
 #include "engine/contact/contact_terms.h"
 #include "engine/skin/solve/coupled.h"
-#include "engine/skin/solve/newton.h"
+#include "engine/skin/solve/skin_step.h"
 #include "tests/support.h"
 
 namespace palpate {

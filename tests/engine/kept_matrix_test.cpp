@@ -1,6 +1,6 @@
 // Newton matrices that are kept from step to step: they change what a step costs, and nothing else.
 
-#include "engine/skin/solve/newton.h"
+#include "engine/skin/solve/skin_step.h"
 
 #include "engine/skin/chunks/level_of_detail.h"
 #include "engine/step.h"

@@ -46,7 +46,7 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     Simulation s = make_simulation(load_scene(scenes + "press.toml"), 1);
     while (s.world.contact_surfaces[0].normal_force < 0.3) advance(s);
     for (int k = 0; k < 40; ++k) advance(s);  // the thimble has followed
-    const nlohmann::json stage = stage_of(s);
+    const nlohmann::json model = page_model(s);
     std::vector<std::uint8_t> frame;
     RenderedPads pads(s);
     const std::vector<RenderedPad>& felt = pads.solve(s);
@@ -56,14 +56,14 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     EXPECT_EQ(since.converged, std::vector<int>{skin_status(s.world, s.fingers[0]).converged ? 3 : 0});
     since.longest_us = 123, since.converged = {2};
     append_frame(frame, s, felt, hands, since);
-    const auto& finger = stage["fingers"][0];
+    const auto& finger = model["fingers"][0];
     const std::size_t nodes = finger["rest"].size() / 3, samples = finger["samples"].size();
-    const std::size_t joints = stage["thimbles"][0]["joint_min"].size();
+    const std::size_t joints = model["thimbles"][0]["joint_min"].size();
     constexpr std::size_t hand_bytes = hand_bone_count * (9 * 2 + 3 * 4);
-    ASSERT_EQ(stage["hands"].size(), 1u);
+    ASSERT_EQ(model["hands"].size(), 1u);
     const std::size_t outline = contact_outline(s.world.contact_surfaces[0]).size();
     EXPECT_GT(outline, 10u);
-    EXPECT_EQ(frame.size(), 12 + 48 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * stage["objects"].size() + 28 +
+    EXPECT_EQ(frame.size(), 12 + 48 + 10 * nodes + 6 * samples + 2 + 6 * outline + 28 * model["objects"].size() + 28 +
                                 4 * joints + 8 + 6 * (4 + 4 + 3 * 3) +  // two frames, three legs
                                 8 + 8 * nodes + samples +               // the pad on the platform
                                 hand_bytes);
@@ -102,9 +102,9 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     const HandParts parts = hands_of(s.scene)[0];
     HandPoser poser(s, parts);
     const Surface skin = posed_skin(parts, poser.pose(s));
-    const auto& rest = stage["hand_skin"];
+    const auto& rest = model["hand_skin"];
     ASSERT_EQ(rest["vertices"].size(), 3 * skin.vertices.size());
-    EXPECT_EQ(stage["hands"][0]["triangles"].size(), 3 * skin.triangles.size());
+    EXPECT_EQ(model["hands"][0]["triangles"].size(), 3 * skin.triangles.size());
     auto moved = [&](std::size_t vertex, int bone, int row) {
         const std::size_t at = frame.size() - hand_bytes + std::size_t(bone) * 30;
         double x = float_at(frame, at + 18 + 4 * std::size_t(row));

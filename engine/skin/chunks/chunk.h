@@ -60,7 +60,7 @@ struct SkinState {
     LaneArray<T> friction_radius;        ///< [slot][sample] [N]; empty without friction
     LaneArray<T> friction_normal;  ///< [slot][sample][xyz] of the tangent plane, object's frame; empty without friction
     LaneArray<T> svd_guess;        ///< [element][3x3] V of the last step: saves Jacobi sweeps; empty if corotational
-    LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (newton.h)
+    LaneArray<T> tangled_steps;    ///< [1] steps in a row of which each left the skin tangled (skin_step.h)
     LaneArray<T> matrix_kept;      ///< [1] 1: the blocks hold a matrix that may be kept (kept_matrix.h), 2: that was;
                                    ///< 0: none; -n: none is to be kept for n steps
     LaneArray<T> matrix_wait;      ///< [1] steps to wait if it is of no use, more where that is so again and again;
@@ -192,20 +192,22 @@ struct LimitActivity {
     bool met = true;                ///< some element was at a limit, or had a multiplier, in the last evaluation
 };
 
+// clang-format off
 /// The fingers of one archetype, one per lane. The states of a lane, their bits, and what changes them:
 ///
-/// | state     | bit             | begins                                            | ends |
-/// |-----------|-----------------|---------------------------------------------------|---------------------------------|
-/// | empty     | not used_lanes  | built so, or its finger moved (exchange_lanes)    | a finger moves in | | active |
-/// none of these   | an object near, a target that moves (wake_lanes)  | settle_lanes                    | | asleep |
-/// asleep_lanes    | at rest, nothing near (settle_lanes)              | wake_lanes                      | | unchanged
-/// | unchanged_lanes | asleep and on the same target (wake_lanes)        | wake_lanes, every step          | | rigid |
-/// rigid_lanes     | at its rest shape, nothing near (settle_lanes)    | an object near (wake_lanes)     | | linear |
-/// linear_lanes    | linearised, and still good enough (choose_tissue) | choose_tissue; the error grows, | | | | | or a
-/// matrix was indefinite      | | fine      | fine_lanes      | deep between nodes (choose_samples)               |
-/// choose_samples                  |
+/// | state     | bit             | begins                                           | ends                            |
+/// |-----------|-----------------|--------------------------------------------------|---------------------------------|
+/// | empty     | not used_lanes  | built so, or its finger moved (exchange_lanes)   | a finger moves in               |
+/// | active    | none of these   | an object near, a target that moves (wake_lanes) | settle_lanes                    |
+/// | asleep    | asleep_lanes    | at rest, nothing near (settle_lanes)             | wake_lanes                      |
+/// | unchanged | unchanged_lanes | asleep, and its target stays (wake_lanes)        | wake_lanes, every step          |
+/// | rigid     | rigid_lanes     | at its rest shape, nothing near (settle_lanes)   | an object near (wake_lanes)     |
+/// | linear    | linear_lanes    | linearised, and good enough (choose_tissue)      | choose_tissue: the error grows; |
+/// |           |                 |                                                  | or a matrix was indefinite      |
+/// | fine      | fine_lanes      | deep between nodes (choose_samples)              | choose_samples                  |
 ///
 /// Asleep and rigid exclude each other, and are not solved. A lane that is reset becomes active, and not linear.
+// clang-format on
 template <class T>
 struct SkinChunk {
     std::shared_ptr<const SkinTopology> topology;

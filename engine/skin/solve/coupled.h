@@ -6,7 +6,7 @@
 
 #include "engine/skin/chunks/rigid.h"
 #include "engine/skin/solve/kernels.h"
-#include "engine/skin/solve/newton.h"
+#include "engine/skin/solve/solve_lanes.h"
 
 namespace palpate {
 

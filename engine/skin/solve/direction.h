@@ -5,6 +5,7 @@
 
 #include "engine/skin/factor/supernode_cholesky.h"
 #include "engine/skin/solve/kept_matrix.h"
+#include "engine/skin/solve/newton.h"
 
 namespace palpate {
 
@@ -123,24 +124,28 @@ inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& e
     return squared;
 }
 
-/// Improves the direction where contacts open, close, stick or slide along it: Newton on the same linearised tissue
-/// with contact as it is. That costs no element, and of a factorisation what follows of the contacts that change.
-/// Returns the slope; adds the pivots that had to be replaced: where contacts open, a matrix with exact or linear
-/// tissue may be indefinite.
+/// Lanes whose contacts are followed along their directions (newton.h).
 template <class R>
-inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, MaskOf<R> lanes, const R& exactness,
-                         const R& residual, R slope, R& bad_pivots) {
+struct FollowedLanes {
     using T = ScalarOf<R>;
-    constexpr int W3 = 3 * lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    if (settings.contact_iterations <= 0 || c.contacts.used == 0) return slope;
-    const R first_slope = slope, share = contact_share_of<R>(c, settings);
-    c.scratch.first_direction = c.scratch.direction;
-    lanes = lanes & (slope < R(0));
-    for (int k = 0; k < settings.contact_iterations; ++k) {
-        const R left = contact_residual<R>(c, lanes, exactness, share);
+    static constexpr int W = lane_width<R>, W3 = 3 * W;
+
+    SkinChunk<T>& c;
+    const SolverSettings& settings;
+    MaskOf<R> lanes;
+    const R &exactness, &residual;
+    R& slope;
+    R& bad_pivots;  ///< where contacts open, a matrix with exact or linear tissue may be indefinite
+    R first_slope = slope;
+
+    /// Ends following where contact did little beyond its linearisation.
+    void find_contact_residuals() {
+        const R left = contact_residual<R>(c, lanes, exactness, contact_share_of<R>(c, settings));
         lanes = lanes & (left > R(T(settings.contact_share * settings.contact_share)) * residual);
-        if (!any(lanes)) break;
+    }
+    bool follow() const { return any(lanes); }
+    void add_to_directions() {
+        const SkinTopology& t = *c.topology;
         bad_pivots += select(lanes, factor_matrix<R>(c), R(0));
         std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
         for (std::size_t s = 0; s < samples_in_use<R>(c); ++s)
@@ -155,13 +160,26 @@ inline R follow_contacts(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settin
             store_vec3<R>(direction, load_vec3<R>(direction) + masked);
         }
     }
-    slope = slope_of<R>(c);
-    const MaskOf<R> worse = slope >= R(0);
-    if (any(worse))
-        for (std::size_t i = 0; i < c.scratch.direction.size(); i += lane_width<R>)
+    void keep_better() {
+        slope = slope_of<R>(c);
+        const MaskOf<R> worse = slope >= R(0);
+        if (!any(worse)) return;
+        for (std::size_t i = 0; i < c.scratch.direction.size(); i += W)
             store<R>(&c.scratch.direction[i],
                      select(worse, load<R>(&c.scratch.first_direction[i]), load<R>(&c.scratch.direction[i])));
-    return select(worse, first_slope, slope);
+        slope = select(worse, first_slope, slope);
+    }
+};
+
+/// Follows the contacts of lanes whose direction leads downhill.
+template <class R>
+inline void follow_contacts_of_lanes(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, MaskOf<R> lanes,
+                                     const R& exactness, const R& residual, R& slope, R& bad_pivots) {
+    if (settings.contact_iterations <= 0 || c.contacts.used == 0) return;
+    c.scratch.first_direction = c.scratch.direction;
+    lanes = lanes & (slope < R(0));
+    FollowedLanes<R> followed{c, settings, lanes, exactness, residual, slope, bad_pivots};
+    follow_contacts(followed, settings.contact_iterations);
 }
 
 }  // namespace detail

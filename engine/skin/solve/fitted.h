@@ -49,7 +49,7 @@ inline constexpr double rough_share = 0.1;
 /// Multiplier updates of a step, as a multiple of its Newton iterations.
 inline constexpr int updates_per_iteration = 4;
 
-// --- The first guess of a step (newton.h) ---
+// --- The first guess of a step (skin_step.h) ---
 /// Where limits act, skin that holds a body coasts on from a step that ended off balance by no more than this share of
 /// its contact force: else it moves with its bone, and does not shake the body (`two_hands` and `hold_mug` of preset
 /// fingers, `balanced`: at 1e-2 boxes shake, with 14 and 21 % of steps converged, at 3e-3 45 and 21 %, at 0 29 and 11
@@ -75,7 +75,7 @@ inline constexpr int unkept_steps = 8;
 /// without).
 inline constexpr int longest_wait = 128;
 
-// --- Penalties (newton.h, elements.h, sample_contact.h) ---
+// --- Penalties (skin_step.h, elements.h, sample_contact.h) ---
 /// Multipliers that do not shrink a violation by this from one update to the next get a penalty so much stiffer. It
 /// must be free to grow: under 1,000 N a penalty below about 500 times the base leaves the finger free to rock on it,
 /// and the multipliers then swing from one side to the other for ever.
@@ -101,7 +101,7 @@ inline constexpr double stiffest_slip = 16;
 /// 73, eight 72; steps that did not converge 50, 11, 4, 4, 4, 4 of 1021).
 inline constexpr int most_walls = 6, wall_sweeps = 30;
 
-// --- Fingers that are lost (newton.h) ---
+// --- Fingers that are lost (skin_step.h) ---
 /// A node so many extents away from the bone is nowhere.
 inline constexpr double lost_at = 30;
 /// Skin beyond this violation and off balance by so many times what pulls at it, for more steps than this, is wound

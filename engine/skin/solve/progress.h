@@ -1,6 +1,6 @@
 #pragma once
 // What an iteration does next: of one lane, or of an island of lanes and bodies (R = double). All rules of the
-// iteration stand here: chunks that are near no body (newton.h) and islands (solve_bodies.cpp) share them.
+// iteration stand here: chunks that are near no body (solve_lanes.h) and islands (solve_bodies.cpp) share them.
 //
 // The potential is an augmented Lagrangian (Hestenes 1969, Powell 1969; Rockafellar 1973 for inequalities; for contact
 // and friction Alart and Curnier 1991, Simo and Laursen 1992): multipliers are updated where the minimisation in

@@ -9,8 +9,8 @@ namespace palpate {
 template <class T>
 int chunk_width(int fingers);
 
-/// Advances all fingers of a chunk by one step (newton.h). The chunk's width chooses the kernel; it must be one that
-/// chunk_width gives.
+/// Advances all fingers of a chunk by one step (solve_lanes.h). The chunk's width chooses the kernel; it must be one
+/// that chunk_width gives.
 template <class T>
 void solve_skin(SkinChunk<T>& chunk, const SolverSettings& settings);
 

@@ -125,14 +125,14 @@ void check_flight(Watched& v, Findings& found) {
         const double speed = norm(now.velocity - before.velocity - dt * w.gravity);
         // Near what it may touch as implicit Euler says, elsewhere along its parabola.
         const Vec3<double> moved = now.centre.position - before.centre.position;
-        const double way =
+        const double aside =
             std::min(norm(moved - dt * now.velocity), norm(moved - (0.5 * dt) * (now.velocity + before.velocity)));
         const double spin = norm(now.angular_momentum - before.angular_momentum);
         const std::string& name = w.shapes[std::size_t(now.object)].name;
-        if (speed > left + 1e-9 * fall || way > dt * left + 1e-9 * (norm(now.centre.position) + 1e-3))
+        if (speed > left + 1e-9 * fall || aside > dt * left + 1e-9 * (norm(now.centre.position) + 1e-3))
             found.add("what nothing touches falls freely",
-                      law_text("%.4f s: %s: %.3g m/s faster than gravity makes it, %.3g mm beside its way", w.time,
-                               name.c_str(), speed, 1e3 * way));
+                      law_text("%.4f s: %s: %.3g m/s faster than gravity makes it, %.3g mm beside its aside", w.time,
+                               name.c_str(), speed, 1e3 * aside));
         if (spin > b.mass * b.size * left + 1e-9 * norm(before.angular_momentum))
             found.add("what nothing touches keeps its angular momentum",
                       law_text("%.4f s: %s: %.3g of %.3g kg m^2/s", w.time, name.c_str(), spin,

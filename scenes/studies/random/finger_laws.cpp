@@ -82,8 +82,8 @@ void check_free_bones(Watched& v, Findings& found) {
         // of it is left. Doubled, for it may have begun the other way.
         double mass = c.bone_mass;
         for (const double m : f.mass) mass += m;
-        auto settles = [&](double inertia, double damping, double stiffness, double way, double most) {
-            return 2 * (way * damping / most + 20 * std::max(2 * inertia / damping, damping / stiffness)) +
+        auto settles = [&](double inertia, double damping, double stiffness, double travel, double most) {
+            return 2 * (travel * damping / most + 20 * std::max(2 * inertia / damping, damping / stiffness)) +
                    10 * w.solver.dt;
         };
         constexpr double far = 0.015;  // tissue around the bone [m]
@@ -164,8 +164,8 @@ void check_grips(const Watched& v, Findings& found) {
                                          : norm(angular_velocity(w.bodies[std::size_t(body)],
                                                                  w.shapes[std::size_t(o.object)].pose.rotation));
             if (w.solver.dt * turn > turned) continue;
-            const double way = w.solver.dt * norm(f.bone_velocity);
-            if (o.slip > share * way + slid)
+            const double travel = w.solver.dt * norm(f.bone_velocity);
+            if (o.slip > share * travel + slid)
                 found.add("what sticks does not slide",
                           law_text("%.4f s: %s slides over %s by %.4g mm in a step, with %.3g of its friction used",
                                    w.time, f.skin->name.c_str(), w.shapes[std::size_t(o.object)].name.c_str(),

@@ -106,10 +106,11 @@ void draw_carried(Random& r, RandomScene& s, double duration) {
     tray.push_back(line("friction = %.3f", r.between(0.1, 1)));
     tray.emplace_back("track = [");
     tray.push_back(keyframe(0, 0, 0, -0.5 * thickness, 0, 0));
-    const double speed = r.log_between(10, 400), way = speed * duration;  // mm/s
+    const double speed = r.log_between(10, 400), travel = speed * duration;  // mm/s
     for (int k = 1; k <= 2; ++k)
-        tray.push_back(keyframe(0.5 * k * duration, r.between(-1, 1) * way, r.between(-1, 1) * way,
-                                -0.5 * thickness + r.between(-0.5, 1) * way, r.between(-10, 10), r.between(-10, 10)));
+        tray.push_back(keyframe(0.5 * k * duration, r.between(-1, 1) * travel, r.between(-1, 1) * travel,
+                                -0.5 * thickness + r.between(-0.5, 1) * travel, r.between(-10, 10),
+                                r.between(-10, 10)));
     tray.emplace_back("]");
     s.blocks.push_back(tray);
     double top = 0;

@@ -1,4 +1,4 @@
-#include "scenes/viewer/stage.h"
+#include "scenes/viewer/page_model.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -174,32 +174,32 @@ nlohmann::json thimble_json(const Simulation& s, const Matching& m) {
 
 }  // namespace
 
-void set_scales(nlohmann::json& stage, const PictureScales& scales) {
-    stage["pressure_kPa"] = 1e-3 * scales.most;
-    for (std::size_t k = 0; k < scales.pads.size(); ++k) stage["fingers"][k]["pressure_kPa"] = 1e-3 * scales.pads[k];
+void set_scales(nlohmann::json& model, const PictureScales& scales) {
+    model["pressure_kPa"] = 1e-3 * scales.most;
+    for (std::size_t k = 0; k < scales.pads.size(); ++k) model["fingers"][k]["pressure_kPa"] = 1e-3 * scales.pads[k];
 }
 
-nlohmann::json stage_of(const Simulation& s) {
+nlohmann::json page_model(const Simulation& s) {
     // As ShapeKind has them.
     static const char* const kinds[] = {"plane", "box", "sphere", "capsule", "cylinder", "mesh"};
-    nlohmann::json stage{{"title", s.scene.title},
+    nlohmann::json model{{"title", s.scene.title},
                          {"dt", s.world.solver.dt},
                          {"duration", s.scene.duration},
                          {"fingers", nlohmann::json::array()},
                          {"objects", nlohmann::json::array()},
                          {"thimbles", nlohmann::json::array()}};
-    for (const Skin& skin : s.world.skins) stage["fingers"].push_back(finger_json(skin));
+    for (const Skin& skin : s.world.skins) model["fingers"].push_back(finger_json(skin));
     for (const VirtualObject& o : s.world.shapes) {
-        stage["objects"].push_back({{"name", o.name},
+        model["objects"].push_back({{"name", o.name},
                                     {"kind", kinds[int(o.shape.kind)]},
                                     {"size", {o.shape.size.x, o.shape.size.y, o.shape.size.z}},
                                     {"friction", o.friction},
                                     {"gives_way", o.stiffness > 0 && o.soft < 0}});
         if (o.soft >= 0) {
             const nlohmann::json skin = finger_json(s.world.soft.all[std::size_t(o.soft)].skin);
-            stage["objects"].back()["kind"] = "soft";
-            stage["objects"].back()["vertices"] = skin["rest"];
-            stage["objects"].back()["triangles"] = skin["triangles"];
+            model["objects"].back()["kind"] = "soft";
+            model["objects"].back()["vertices"] = skin["rest"];
+            model["objects"].back()["triangles"] = skin["triangles"];
             continue;
         }
         if (!o.mesh) continue;
@@ -208,15 +208,15 @@ nlohmann::json stage_of(const Simulation& s) {
             for (double x : p) vertices.push_back(std::round(1e6 * x) / 1e6);
         for (const auto& t : o.mesh->surface.triangles)
             for (int i : t) triangles.push_back(i);
-        stage["objects"].back()["vertices"] = vertices;
-        stage["objects"].back()["triangles"] = triangles;
+        model["objects"].back()["vertices"] = vertices;
+        model["objects"].back()["triangles"] = triangles;
     }
-    for (const Matching& m : s.world.matchings) stage["thimbles"].push_back(thimble_json(s, m));
-    if (const PictureScales fixed = scales_of(s, nullptr); fixed.most > 0) set_scales(stage, fixed);
-    if (s.scene.scale_force > 0) stage["force_N"] = s.scene.scale_force;
-    stage["hand_skin"] = hand_skin_json();
-    stage["hands"] = hands_json(s.scene);
-    return stage;
+    for (const Matching& m : s.world.matchings) model["thimbles"].push_back(thimble_json(s, m));
+    if (const PictureScales fixed = scales_of(s, nullptr); fixed.most > 0) set_scales(model, fixed);
+    if (s.scene.scale_force > 0) model["force_N"] = s.scene.scale_force;
+    model["hand_skin"] = hand_skin_json();
+    model["hands"] = hands_json(s.scene);
+    return model;
 }
 
 void note_step(SinceFrame& since, const Simulation& s) {

@@ -1,5 +1,5 @@
 #pragma once
-// What the viewer's page draws: a stage that stays, described as JSON, and frames that change, as bytes.
+// What the viewer's page draws: a model that stays, described as JSON, and frames that change, as bytes.
 
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
@@ -14,10 +14,10 @@ namespace palpate {
 
 /// Everything that does not change during a run: fingers with their skin's triangles and rest shape (bone frame),
 /// objects, thimbles with joint limits, hands (drawn_hands.h). Lengths in metres.
-nlohmann::json stage_of(const Simulation& simulation);
+nlohmann::json page_model(const Simulation& simulation);
 
 /// Lets the page's scales end where those of pictures do.
-void set_scales(nlohmann::json& stage, const PictureScales& scales);
+void set_scales(nlohmann::json& model, const PictureScales& scales);
 
 /// What has happened since the last frame.
 struct SinceFrame {
@@ -28,7 +28,7 @@ struct SinceFrame {
 /// Call after every step.
 void note_step(SinceFrame& since, const Simulation& simulation);
 
-/// Appends the state now, little-endian, in the stage's order: time f32; since the last frame its longest step f32 [us]
+/// Appends the state now, little-endian, in the model's order: time f32; since the last frame its longest step f32 [us]
 /// and number of steps f32; per finger: bone pose 7 f32, contact force and area f32, units of pressure [Pa] and force
 /// [N] f32, converged steps since the last frame f32, then per skin node x, y, z i16 [2 um, bone frame], pressure u16
 /// [its unit], largest departure of a principal stretch from 1 u8
