@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/skin/factor/supernode_cholesky.h"
 #include "engine/skin/solve/skin_step.h"
 
 namespace palpate::methods {

@@ -3,12 +3,11 @@
 // step that has converged this moves it by next to nothing; after another, it makes action and reaction equal all the
 // same.
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "engine/bodies/islands.h"
+#include "engine/bodies/solve_definite.h"
 
 namespace palpate {
 
@@ -159,7 +158,11 @@ Pose<double> balanced(const FingerPairs& pairs, Pose<double> plane) {
         MotionMatrix H = here.curvature;
         const double slack = damping * (H.diagonal().head<3>().maxCoeff() + 1);
         for (int d = 0; d < 6; ++d) H(d, d) += d < 3 ? slack : slack * plane_size * plane_size;
-        const Motion step = -H.llt().solve(here.gradient);
+        Motion step = -here.gradient;
+        if (!solve_definite(H, step)) {
+            damping *= more_plane_damping;
+            continue;
+        }
         const Pose<double> tried = moved(plane, step, 1);
         const PlaneTerms there = evaluate_plane(pairs, tried);
         // At the rounding of energies, the forces tell whether a step leads on.
@@ -194,11 +197,11 @@ bool correct_rest(FingerPairs& pairs, const Pose<double>& plane, bool rubs) {
         force += g.norm();
     }
     if (!(left.norm() > 1e-9 * force) || !left.allFinite()) return false;
-    const Eigen::SelfAdjointEigenSolver<MotionMatrix> modes(M);
-    Motion y = Motion::Zero();
-    for (int k = 0; k < 6; ++k)
-        if (modes.eigenvalues()[k] > 1e-10 * modes.eigenvalues()[5])
-            y -= (modes.eigenvectors().col(k).dot(left) / modes.eigenvalues()[k]) * modes.eigenvectors().col(k);
+    // Where all samples leave the plane a motion, nothing is left along it: what keeps the matrix definite does not
+    // matter.
+    M.diagonal().array() += 1e-12 * M.trace();
+    Motion y = -left;
+    if (!solve_definite(M, y)) return false;
     for (PlaneSample& p : pairs.samples) {
         const double share = norm(p.gradient);
         if (!(share > 0)) continue;

@@ -3,12 +3,12 @@
 
 #include "engine/bodies/directions.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "engine/bodies/pair_ends.h"
 #include "engine/bodies/soft_contact.h"
+#include "engine/bodies/solve_definite.h"
 #include "engine/skin/solve/newton.h"
 
 namespace palpate {
@@ -68,14 +68,12 @@ void solve_island(Work& w, Island& island) {
             A(body.row + k, body.row + k) +=
                 body.inertia.curvature(k, k) + (k < 3 ? damping : damping * plane_size * plane_size);
     }
-    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factor(A);
-    if (factor.info() != Eigen::Success) {
+    auto solution = s.rhs.head(n);
+    if (!solve_definite(A, solution)) {
         island.bad_pivots += 1;
         for (int b : island.bodies) s.bodies[b].added.setZero();
         return;
     }
-    auto solution = s.rhs.head(n);
-    factor.solveInPlace(solution);
     if (!solution.allFinite()) {  // a lane's matrix was indefinite
         island.bad_pivots += 1;
         solution.setZero();

@@ -3,12 +3,12 @@
 // takes from one body alone. They are given back: together as if all were one rigid body, which no contact between them
 // resists, with no more energy than there was.
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "engine/bodies/islands.h"
 #include "engine/bodies/pair_ends.h"
+#include "engine/bodies/solve_definite.h"
 
 namespace palpate {
 
@@ -98,9 +98,11 @@ void restore_island(Work& w, const Island& island) {
         [&](int row) { return body_of(row).angular_momentum; });
     constexpr double known = 1e-5;  // a solve that has converged has both to its tolerance
     if (norm(before.momentum - now.momentum) <= known * moved && has <= allowed + known * had) return;
-    const Eigen::LDLT<Eigen::Matrix3d> inertia(inertia_of_whole(w, island, now.centre));
+    const Eigen::Matrix3d inertia = inertia_of_whole(w, island, now.centre);
     auto turn_by = [&](const Vec3<double>& spin) {
-        const Eigen::Vector3d turn = inertia.solve(eigen(spin));
+        Eigen::Matrix3d factor = inertia;
+        Eigen::Vector3d turn = eigen(spin);
+        if (!solve_definite(factor, turn)) turn.setZero();
         return Vec3<double>{turn.x(), turn.y(), turn.z()};
     };
     const Vec3<double> speed = (1 / now.mass) * before.momentum, turn = turn_by(before.spin);

@@ -17,6 +17,9 @@ inline constexpr double nodal_gap = 0.65;
 /// Boxes, discs and plates that are less than twice this thick remember the side a point is on; in thicker ones the
 /// nearest face is the right one (cards of 0.1 and 1 mm met at 0.1 to 10 m/s) [m].
 inline constexpr double thin_half = 2.5e-3;
+/// Skin lies on a face of a box, or on an end of a cylinder, that its normal is against by this cosine, and in which it
+/// is no deeper than this [m].
+inline constexpr double looks_at_face = 0.8, on_face = 2e-5;
 
 // --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
 /// Rounding of the way from a point to the nearest one of a triangle some centimetres large [m].

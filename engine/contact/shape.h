@@ -35,22 +35,29 @@ inline SurfacePoint<R> sphere_point(const Vec3<R>& offset, const R& radius) {
 
 /// Box around the origin: outside, the distance to the nearest face, edge or corner; inside, to the
 /// nearest face. For a point with a side (ContactSide) the box goes on for ever behind that face, and beyond its middle
-/// that face is the way out: however far a step takes the point, it stays on the side it was on.
+/// that face is the way out: however far a step takes the point, it stays on the side it was on. For one with a strict
+/// side that face is the way out wherever the point is inside.
 template <class R, bool sided = false>
 inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R& side = R(0)) {
     using T = ScalarOf<R>;
     Vec3<R> q, sign, positive, exit{R(0), R(0), R(0)};
     MaskOf<R> beyond = R(1) < R(0);
-    R through(0);
+    R through(0), number(0);
+    MaskOf<R> strict = beyond;
+    if constexpr (sided) {
+        number = absolute(side);
+        strict = number > R(T(3.5));
+        number = select(strict, number - R(T(3)), number);
+    }
     for (int i = 0; i < 3; ++i) {
         sign[i] = select(x[i] < R(0), R(-1), R(1));
         R along = absolute(x[i]);
         if constexpr (sided) {
-            const MaskOf<R> mine = absolute(absolute(side) - R(T(i + 1))) < R(T(0.5));
+            const MaskOf<R> mine = absolute(number - R(T(i + 1))) < R(T(0.5));
             const R own = select(side < R(0), R(-1), R(1));
             sign[i] = select(mine, own, sign[i]);
             along = select(mine, own * x[i], along);
-            const MaskOf<R> passed = mine & (along < R(0));
+            const MaskOf<R> passed = mine & (strict | (along < R(0)));
             beyond = beyond | passed;
             exit[i] = select(passed, own, R(0));
             through = select(passed, along - half[i], through);
@@ -85,7 +92,8 @@ inline SurfacePoint<R> cylinder_point(const Vec3<R>& x, const R& radius, const R
     const R inverse = R(1) / select(on_axis, R(1), rho);
     const Vec3<R> radial{select(on_axis, R(1), inverse * x.x), inverse * x.y, R(0)};
     // The third extent is far inside, so that the planar distance is never decided by it.
-    const R of_end = select(absolute(side) > R(2), select(side < R(0), R(-2), R(2)), R(0));
+    const R end = absolute(side) - R(1);  // the second axis there
+    const R of_end = select(end > R(1), select(side < R(0), -end, end), R(0));
     const SurfacePoint<R> planar =
         box_point<R, sided>(Vec3<R>{rho, x.z, R(0)}, Vec3<R>{radius, half_length, R(1e6f)}, of_end);
     return {planar.distance, {planar.normal.x * radial.x, planar.normal.x * radial.y, planar.normal.y}};
@@ -136,7 +144,7 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
 inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
 
 /// The same for a point on one side of a shape that has sides: 1, 2, 3 for the faces towards +x, +y, +z, negative for
-/// the others; 0: none.
+/// the others; 0: none; strict sides are 4, 5, 6.
 template <class R>
 inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const Vec3<R>& x, const R& side) {
     if (kind == ShapeKind::cylinder) return detail::cylinder_point<R, true>(x, size.x, size.y, side);

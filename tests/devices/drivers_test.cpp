@@ -116,8 +116,8 @@ TEST(FirstMoves, AreOverOnceAServoCanHaveArrived) {
     measured.told(100, 2000, 1);
     EXPECT_FALSE(measured.caught_up({6000, 6000, 5000, 400}, 9));
     EXPECT_TRUE(measured.caught_up({6000, 6000, 5700, 400}, 9));
-    EXPECT_EQ(longest_way({}, 6000, {4000, 8000}), 4000) << "nobody knows where it was";
-    EXPECT_EQ(longest_way({9000, 9500}, 6000, {4000, 8000}), 3500);
+    EXPECT_EQ(longest_travel({}, 6000, {4000, 8000}), 4000) << "nobody knows where it was";
+    EXPECT_EQ(longest_travel({9000, 9500}, 6000, {4000, 8000}), 3500);
 }
 
 /// A board is woken by each of its thimbles, some of them right after it has sent something.

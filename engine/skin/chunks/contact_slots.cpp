@@ -101,6 +101,21 @@ Vec3<double> start_of_sample(const SkinChunk<T>& c, std::size_t s, int lane) {
            double(f.weight[2]) * node(f.node[2]);
 }
 
+/// Outward normal of the skin around a sample at the start of the step.
+template <class T>
+Vec3<double> skin_normal_of_sample(const SkinChunk<T>& c, std::size_t s, int lane) {
+    const SkinTopology& t = *c.topology;
+    auto at = [&](std::size_t i) {
+        const T* n = &c.scratch.skin_normal[3 * i * std::size_t(c.width) + std::size_t(lane)];
+        return Vec3<double>{double(n[0]), double(n[c.width]), double(n[2 * c.width])};
+    };
+    if (s < t.samples.size()) return at(s);
+    const FaceSample& f = t.face_samples[s - t.samples.size()];
+    Vec3<double> n{0, 0, 0};
+    for (std::size_t k = 0; k < 3; ++k) n += f.weight[k] * at(std::size_t(f.sample[k]));
+    return (1 / std::max(norm(n), 1e-300)) * n;
+}
+
 /// A node of a sample.
 int node_of_sample(const SkinTopology& t, std::size_t s) {
     return s < t.samples.size() ? t.samples[s] : int(t.face_samples[s - t.samples.size()].node[0]);
@@ -148,7 +163,9 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
             const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
             const Vec3<double> local = inverse_transform(o.start, x);
             const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
-            side = T(side_in_step(o.shape, local, int(side), travel));
+            const Vec3<double> outward =
+                transposed_times(rotation_matrix(o.start.rotation), skin_normal_of_sample(c, s, lane));
+            side = T(side_of_skin(o.shape, local, outward, int(side), travel));
         }
         if (!bulges && (soft || !touched || !settings.inertia)) continue;
         const SurfacePoint<double> near = surface_point(o.shape, o.start, x, int(side));
@@ -240,6 +257,14 @@ void end_slots(SkinChunk<T>& c, const SolverSettings& settings) {
 }
 
 template <class T>
+bool near_sides(const SkinChunk<T>& c) {
+    for (int lane = 0; lane < c.width; ++lane)
+        for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot)
+            if (has_sides(c.contacts.at(slot, lane).shape.kind)) return true;
+    return false;
+}
+
+template <class T>
 unsigned near_lanes(const SkinChunk<T>& c) {
     unsigned lanes = c.soft_lanes;
     for (int lane = 0; lane < c.width; ++lane)
@@ -268,6 +293,7 @@ bool solved_with_others(const SkinChunk<T>& c) {
     template void begin_slots(SkinChunk<T>&, const SolverSettings&);           \
     template void end_slots(SkinChunk<T>&, const SolverSettings&);             \
     template void place_slots(SkinChunk<T>&);                                  \
+    template bool near_sides(const SkinChunk<T>&);                             \
     template unsigned near_lanes(const SkinChunk<T>&);                         \
     template unsigned coupled_lanes(const SkinChunk<T>&);                      \
     template bool solved_with_others(const SkinChunk<T>&);

@@ -82,6 +82,10 @@ void end_slots(SkinChunk<T>& chunk, const SolverSettings& settings);
 template <class T>
 void place_slots(SkinChunk<T>& chunk);
 
+/// Whether something with sides (has_sides) is near some lane: normals of the skin decide which side it is on.
+template <class T>
+bool near_sides(const SkinChunk<T>& chunk);
+
 /// Bits of the lanes that something is near to.
 template <class T>
 unsigned near_lanes(const SkinChunk<T>& chunk);

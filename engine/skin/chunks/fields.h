@@ -43,7 +43,8 @@ struct FieldSizes {
     std::size_t limited;       ///< elements and patches with strain limits
     std::size_t samples;       ///< samples that can touch something
     std::size_t rubbing;       ///< samples that can rub
-    std::size_t curved;        ///< samples at nodes of a curved skin
+    std::size_t corners;       ///< samples at nodes, where something may touch them
+    std::size_t curved;        ///< of a curved skin
     std::size_t body, linear;  ///< 1 where bodies, linear tissue are
     std::size_t pairs;         ///< of linear tissue
     template <class Chunk>
@@ -58,6 +59,7 @@ struct FieldSizes {
           limited(c.has_limits ? c.topology->limit_count() : 0),
           samples(c.contacts.capacity > 0 ? S : 0),
           rubbing(c.has_friction ? S : 0),
+          corners(c.contacts.capacity > 0 ? c.topology->samples.size() : 0),
           curved(c.topology->skin_edges.empty() ? 0 : c.topology->samples.size()),
           body(c.has_bodies ? 1 : 0),
           linear(c.linear.pairs.empty() ? 0 : 1),
@@ -138,7 +140,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.slot_size, Field{scratch, slot, 3});
     visit(w.slot_friction, Field{scratch, slot, 1});
     visit(w.slot_stiffness, Field{scratch, slot, 1});
-    visit(w.skin_normal, Field{scratch, lane, 3 * n.curved});
+    visit(w.skin_normal, Field{scratch, lane, 3 * n.corners});
     visit(w.bulge, Field{scratch, lane, 3 * n.curved});
     visit(w.rise, Field{scratch, slot, n.curved});
     visit(w.slot_body, Field{scratch, slot, 1});

@@ -194,9 +194,23 @@ void refine_samples(SkinTopology& t, const TetMesh& mesh, int refinement) {
     }
 }
 
-/// Edges of the pad's faces, and corners of the faces around its nodes, but for faces beyond an edge of the skin, as at
-/// the cut end: a normal of both would be neither's.
-void find_skin_edges(SkinTopology& t, const TetMesh& mesh) {
+/// Numbers of the samples at the nodes of a finger; -1: none.
+std::vector<int> samples_of_nodes(const SkinTopology& t) {
+    std::vector<int> sample_of(std::size_t(t.node_count), -1);
+    for (std::size_t s = 0; s < t.samples.size(); ++s) sample_of[std::size_t(t.samples[s])] = int(s);
+    return sample_of;
+}
+
+/// Calls visit(face) for the faces of which all nodes are samples: the pad's.
+template <class Visit>
+void for_each_pad_face(const TetMesh& mesh, const std::vector<int>& sample_of, Visit visit) {
+    for (const auto& f : mesh.surface)
+        if (std::none_of(f.begin(), f.end(), [&](int node) { return sample_of[std::size_t(node)] < 0; })) visit(f);
+}
+
+/// Corners of the faces around the pad's nodes, but for faces beyond an edge of the skin, as at the cut end: a normal
+/// of both would be neither's.
+void find_skin_corners(SkinTopology& t, const TetMesh& mesh) {
     constexpr double beyond = 0.35;  // cosine between normals, as in meshes/curved_skin.cpp
     const auto at = [&](int node) {
         const Point& p = mesh.nodes[std::size_t(node)];
@@ -206,17 +220,11 @@ void find_skin_edges(SkinTopology& t, const TetMesh& mesh) {
         const Vec3<double> n = cross(at(f[1]) - at(f[0]), at(f[2]) - at(f[0]));
         return (1 / std::max(norm(n), 1e-300)) * n;
     };
-    std::vector<int> sample_of(std::size_t(t.node_count), -1);
-    for (std::size_t s = 0; s < t.samples.size(); ++s) sample_of[std::size_t(t.samples[s])] = int(s);
+    const std::vector<int> sample_of = samples_of_nodes(t);
     std::vector<Vec3<double>> mean(t.samples.size(), Vec3<double>{0, 0, 0});
-    std::set<std::pair<int, int>> edges;
-    for (const auto& f : mesh.surface) {
-        if (std::any_of(f.begin(), f.end(), [&](int node) { return sample_of[std::size_t(node)] < 0; })) continue;
-        for (std::size_t k = 0; k < 3; ++k) {
-            mean[std::size_t(sample_of[std::size_t(f[k])])] += normal(f);
-            edges.insert(std::minmax(f[k], f[(k + 1) % 3]));
-        }
-    }
+    for_each_pad_face(mesh, sample_of, [&](const std::array<int, 3>& f) {
+        for (int node : f) mean[std::size_t(sample_of[std::size_t(node)])] += normal(f);
+    });
     for (const auto& f : mesh.surface)
         for (std::size_t k = 0; k < 3; ++k) {
             const int sample = sample_of[std::size_t(f[k])];
@@ -225,6 +233,15 @@ void find_skin_edges(SkinTopology& t, const TetMesh& mesh) {
             if (dot(of_pad, normal(f)) > beyond * norm(of_pad))
                 t.skin_corners.push_back({sample, f[k], f[(k + 1) % 3], f[(k + 2) % 3]});
         }
+}
+
+/// Edges of the pad's faces.
+void find_skin_edges(SkinTopology& t, const TetMesh& mesh) {
+    const std::vector<int> sample_of = samples_of_nodes(t);
+    std::set<std::pair<int, int>> edges;
+    for_each_pad_face(mesh, sample_of, [&](const std::array<int, 3>& f) {
+        for (std::size_t k = 0; k < 3; ++k) edges.insert(std::minmax(f[k], f[(k + 1) % 3]));
+    });
     t.edge_share.assign(t.samples.size(), 0);
     for (const auto& [a, b] : edges) {
         t.skin_edges.push_back({{a, b}, {sample_of[std::size_t(a)], sample_of[std::size_t(b)]}});
@@ -412,6 +429,7 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
     if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);
+    find_skin_corners(t, mesh);
     if (mesh.curved_skin) find_skin_edges(t, mesh);
     t.bone_cross_block = t.pattern.find(t.elimination[t.bone_rotation], t.elimination[t.bone_position]);
     note_fill(t);

@@ -126,9 +126,9 @@ struct SkinTopology {
 
     std::vector<int> samples;              ///< nodes at which contact is decided
     std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
-    /// Of a curved skin: what normals at nodes are found by, edges of the pad's faces, and the part of each sample at a
-    /// node that one of its edges has. Empty where the skin is flat between nodes.
-    std::vector<SkinCorner> skin_corners;
+    std::vector<SkinCorner> skin_corners;  ///< what normals at nodes are found by
+    /// Of a curved skin: edges of the pad's faces, and the part of each sample at a node that one of its edges has.
+    /// Empty where the skin is flat between nodes.
     std::vector<SkinEdge> skin_edges;
     std::vector<double> edge_share;
     std::size_t sample_count() const { return samples.size() + face_samples.size(); }

@@ -56,7 +56,10 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     const R dt = R(settings.inertia ? T(settings.dt) : T(0));
     c.scratch.start_position = c.state.position;
     c.scratch.start_bone = c.state.bone;
-    if (!t.skin_edges.empty() && near_lanes(c) != 0) find_bulges<R>(c);
+    if (!t.skin_edges.empty() && near_lanes(c) != 0)
+        find_bulges<R>(c);
+    else if (near_sides(c))
+        find_skin_normals<R>(c);
     begin_slots(c, settings);
     const Pose<R> before = load_pose<R>(c.state.bone.data());
     const Quaternion<R> turn = rotation_step(dt * load_vec3<R>(&c.state.bone_velocity[3 * W]));

@@ -31,7 +31,8 @@ double least_moment(const RigidBody& b) {
     Eigen::Matrix3d inertia;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) inertia(i, j) = b.inertia[i][j];
-    return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    return solver.computeDirect(inertia, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
 }
 
 bool any_bounces(const World& w) {
