@@ -88,11 +88,14 @@ std::vector<Feature> features_of(const Shape& shape, bool against_planes) {
             // Of an end that lies flush no point of the rim is deepest, but the middle is as deep as three more, where
             // rubbing brakes its spin as all of the disc would (3/4 of the load at 8/9 of the radius).
             for (double end : {-s.y, s.y}) {
-                out.push_back({{0, 0, end}, s.x, {0, 0, 1}, {0, 0, 0}});
+                const Vec3<double> facing{0, 0, end < 0 ? -1.0 : 1.0};
+                out.push_back({{0, 0, end}, s.x, {0, 0, 1}, {0, 0, 0}, facing});
                 for (double angle : {0.0, 2.0943951023931953, -2.0943951023931953})
-                    out.push_back(
-                        {(8 * s.x / 9) * Vec3<double>{std::cos(angle), std::sin(angle), 0}, 0, {0, 0, 0}, {0, 0, 0}}),
-                        out.back().point.z = end;
+                    out.push_back({{8 * s.x / 9 * std::cos(angle), 8 * s.x / 9 * std::sin(angle), end},
+                                   0,
+                                   {0, 0, 0},
+                                   {0, 0, 0},
+                                   facing});
             }
             break;
         case ShapeKind::mesh:
@@ -321,7 +324,9 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
         const Vec3<double> point = features[i].point + c.place * features[i].along;
         const Vec3<double> middle = inverse_transform(b.start, transform(a.start, point));
         const double travel = norm(inverse_transform(b.pose, transform(a.pose, point)) - middle);
-        c.side = side_in_step(*b.shape, middle, c.side, travel);
+        const Vec3<double> facing =
+            transposed_times(rotation_matrix(b.start.rotation), rotation_matrix(a.start.rotation) * features[i].facing);
+        c.side = side_of_surface(*b.shape, middle, facing, c.side, travel);
         set_rim(features[i], a, b, c);
         stop_at_first_face(features[i], a, b, c, travel, Within::must_be);
         touch_in_step(features[i], a, b, c);

@@ -17,8 +17,9 @@ struct Feature {
     Vec3<double> point{0, 0, 0};  ///< object's frame [m]
     double radius = 0;            ///< [m]
     Vec3<double> axis{0, 0, 0};   ///< of a disc; zero for balls and points
-    Vec3<double> along{0, 0,
-                       0};  ///< half of an edge, or of a rod's axis, of which `point` is the middle; else zero [m]
+    /// Half of an edge, or of a rod's axis, of which `point` is the middle; else zero [m].
+    Vec3<double> along{0, 0, 0};
+    Vec3<double> facing{0, 0, 0};  ///< outward normal of the flat face that it stands for; else zero
 };
 
 /// Features of a shape against others, or against planes, where the outermost corners of a mesh do; none for a plane.

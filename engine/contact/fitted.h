@@ -20,6 +20,9 @@ inline constexpr double thin_half = 2.5e-3;
 /// Skin lies on a face of a box, or on an end of a cylinder, that its normal is against by this cosine, and in which it
 /// is no deeper than this [m].
 inline constexpr double looks_at_face = 0.8, on_face = 2e-5;
+/// Gaps no wider than this between faces that are level to this are bridged: skin spans them, where a sample of it
+/// would sink in and hang (keys and tiles 0.2 and 1 mm apart) [m].
+inline constexpr double bridge = 1.1e-3, level = 1e-4;
 
 // --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
 /// Rounding of the way from a point to the nearest one of a triangle some centimetres large [m].

@@ -1,6 +1,7 @@
 #pragma once
 // Virtual objects as signed distances with exact normals.
 
+#include "engine/contact/fitted.h"
 #include "engine/contact/mesh_distance.h"
 #include "engine/math/pose.h"
 
@@ -36,24 +37,31 @@ inline SurfacePoint<R> sphere_point(const Vec3<R>& offset, const R& radius) {
 /// Box around the origin: outside, the distance to the nearest face, edge or corner; inside, to the
 /// nearest face. For a point with a side (ContactSide) the box goes on for ever behind that face, and beyond its middle
 /// that face is the way out: however far a step takes the point, it stays on the side it was on. For one with a strict
-/// side that face is the way out wherever the point is inside.
+/// side that face is the way out wherever the point is inside; a bridged side reaches `bridge` beyond its rim, along
+/// one other axis or both.
 template <class R, bool sided = false>
 inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R& side = R(0)) {
     using T = ScalarOf<R>;
-    Vec3<R> q, sign, positive, exit{R(0), R(0), R(0)};
+    const Vec3<R> zero{R(0), R(0), R(0)};
+    Vec3<R> q = zero, sign = zero, positive = zero, exit = zero;
     MaskOf<R> beyond = R(1) < R(0);
     R through(0), number(0);
-    MaskOf<R> strict = beyond;
+    MaskOf<R> strict = beyond, along_next = beyond, along_last = beyond;
     if constexpr (sided) {
         number = absolute(side);
         strict = number > R(T(3.5));
-        number = select(strict, number - R(T(3)), number);
+        along_last = number > R(T(9.5));
+        const MaskOf<R> both = number > R(T(12.5)), bridged = number > R(T(6.5));
+        along_next = both | (bridged & !along_last);
+        const R more = select(both, R(T(12)), select(along_last, R(T(9)), select(bridged, R(T(6)), R(T(3)))));
+        number = select(strict, number - more, number);
     }
+    auto on_axis = [&](int axis) { return absolute(number - R(T(axis + 1))) < R(T(0.5)); };
     for (int i = 0; i < 3; ++i) {
         sign[i] = select(x[i] < R(0), R(-1), R(1));
         R along = absolute(x[i]);
         if constexpr (sided) {
-            const MaskOf<R> mine = absolute(number - R(T(i + 1))) < R(T(0.5));
+            const MaskOf<R> mine = on_axis(i);
             const R own = select(side < R(0), R(-1), R(1));
             sign[i] = select(mine, own, sign[i]);
             along = select(mine, own * x[i], along);
@@ -63,6 +71,10 @@ inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R&
             through = select(passed, along - half[i], through);
         }
         q[i] = along - half[i];
+        if constexpr (sided) {
+            const MaskOf<R> reaches = (along_next & on_axis((i + 2) % 3)) | (along_last & on_axis((i + 1) % 3));
+            q[i] = select(reaches, q[i] - R(T(fitted::bridge)), q[i]);
+        }
         positive[i] = maximum(q[i], R(0));
     }
     const R outside = norm(positive);
@@ -144,7 +156,8 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
 inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
 
 /// The same for a point on one side of a shape that has sides: 1, 2, 3 for the faces towards +x, +y, +z, negative for
-/// the others; 0: none; strict sides are 4, 5, 6.
+/// the others; 0: none; strict sides are 4, 5, 6; bridged along
+/// the next axis 7, 8, 9, along the one after it 10, 11, 12, along both 13, 14, 15.
 template <class R>
 inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const Vec3<R>& x, const R& side) {
     if (kind == ShapeKind::cylinder) return detail::cylinder_point<R, true>(x, size.x, size.y, side);

@@ -1,6 +1,9 @@
 #pragma once
 // When a point remembers the side of an object that it was on.
 
+#include <algorithm>
+#include <cmath>
+
 #include "engine/contact/fitted.h"
 #include "engine/contact/shape.h"
 
@@ -17,24 +20,58 @@ inline int side_in_step(const Shape& shape, const Vec3<double>& x, int before, d
     return half > fitted::thin_half && travel < half ? 0 : side;
 }
 
-/// The same for a piece of skin whose outward normal is `outward` (object's frame): where it lies on a face, or no
-/// deeper in it than a solve leaves it, and looks at it, that face is the way out (a strict side), and not another one
-/// that happens to be nearer. What slides from one object onto another that lies flush with it would else hang at the
-/// face between the two, which is none of what they are together.
-inline int side_of_skin(const Shape& shape, const Vec3<double>& x, const Vec3<double>& outward, int before,
-                        double travel) {
-    const int strict = 3, known = before < -strict ? before + strict : before > strict ? before - strict : before;
-    const int side = side_in_step(shape, x, known, travel);
+/// What is added to the number of a side where it is strict, and for each of the axes along which it is bridged
+/// (sided_point).
+inline constexpr int strict_side = 3;
+
+/// A side without what makes it strict.
+inline int plain_side(int side) { return side == 0 ? 0 : side < 0 ? -1 - (-1 - side) % 3 : 1 + (side - 1) % 3; }
+inline int add_to_side(int side, int more) { return side < 0 ? side - more : side + more; }
+
+/// The same for a point of a surface, as of skin, whose outward normal is `outward` (object's frame; zero: it has
+/// none): where it lies on a face, or no deeper in it than a solve leaves it, and looks at it, that face is the way out
+/// (a strict side), and not another one that happens to be nearer. What slides from one object onto another that lies
+/// flush with it would else hang at the face between the two, which is none of what they are together.
+inline int side_of_surface(const Shape& shape, const Vec3<double>& x, const Vec3<double>& outward, int before,
+                           double travel) {
+    const int side = side_in_step(shape, x, plain_side(before), travel);
     int axis = 2;
     if (shape.kind == ShapeKind::box)
         for (int i = 0; i < 2; ++i)
             if (std::abs(outward[i]) > std::abs(outward[axis])) axis = i;
-    const double towards = outward[axis] < 0 ? 1 : -1;
-    const int face = int(towards) * (axis + 1);
+    const int towards = outward[axis] < 0 ? 1 : -1, face = towards * (axis + 1);
     if (side != 0 && side != face) return side;
     const double half = shape.kind == ShapeKind::cylinder ? shape.size.y : shape.size[axis];
     const bool looks = std::abs(outward[axis]) > fitted::looks_at_face, on = towards * x[axis] > half - fitted::on_face;
-    return looks && on ? face + int(towards) * strict : side;
+    return looks && on ? add_to_side(face, strict_side) : side;
+}
+
+/// A strict side, bridged where something level with it goes on beyond its rim, next to a point that may come there in
+/// this step: `goes_on(point)` says whether another object is at a point (object's frame), which is as far beyond the
+/// rim as a bridge may reach, and a little below it.
+template <class GoesOn>
+int bridge_side(const Shape& shape, const Vec3<double>& x, int side, double travel, GoesOn goes_on) {
+    const int plain = plain_side(side), axis = std::abs(plain) - 1;
+    const double least = -travel - fitted::bridge;
+    auto is_level = [&](Vec3<double> p) {
+        const double half = shape.kind == ShapeKind::cylinder ? shape.size.y : shape.size[axis];
+        p[axis] = (plain < 0 ? -1 : 1) * (half - fitted::level);
+        return goes_on(p);
+    };
+    int along = 0;
+    if (shape.kind == ShapeKind::cylinder) {
+        const double beside = std::hypot(x.x, x.y), share = (shape.size.x + fitted::bridge) / std::max(beside, 1e-9);
+        if (beside - shape.size.x > least && is_level({share * x.x, share * x.y, 0})) along = 3;
+        return add_to_side(side, strict_side * along);
+    }
+    for (int k = 1; k < 3; ++k) {
+        const int i = (axis + k) % 3;
+        if (std::abs(x[i]) - shape.size[i] < least) continue;
+        Vec3<double> p = x;
+        p[i] = (x[i] < 0 ? -1 : 1) * (shape.size[i] + fitted::bridge);
+        if (is_level(p)) along += k;
+    }
+    return add_to_side(side, strict_side * along);
 }
 
 }  // namespace palpate

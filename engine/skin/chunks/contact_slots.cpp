@@ -134,6 +134,25 @@ double set_rise(SkinChunk<T>& c, int slot, int lane, std::size_t sample, const V
     return double(rise);
 }
 
+/// The side of an object that a sample of a lane is on in this step; `local`: the sample in the object's frame.
+template <class T>
+int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample, const Vec3<double>& local, int before,
+                   double travel) {
+    const LaneContact& o = c.contacts.at(slot, lane);
+    const Vec3<double> outward =
+        transposed_times(rotation_matrix(o.start.rotation), skin_normal_of_sample(c, sample, lane));
+    const int side = side_of_surface(o.shape, local, outward, before, travel);
+    if (side == plain_side(side)) return side;
+    return bridge_side(o.shape, local, side, travel, [&](const Vec3<double>& beyond) {
+        const Vec3<double> p = transform(o.start, beyond);
+        for (int k = 0; k < c.contacts.count[std::size_t(lane)]; ++k) {
+            const LaneContact& other = c.contacts.at(k, lane);
+            if (k != slot && other.finger < 0 && surface_point(other.shape, other.start, p).distance < 0) return true;
+        }
+        return false;
+    });
+}
+
 /// Sides and overlaps of one lane's samples with one object.
 template <class T>
 void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& settings) {
@@ -163,9 +182,7 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
             const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
             const Vec3<double> local = inverse_transform(o.start, x);
             const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
-            const Vec3<double> outward =
-                transposed_times(rotation_matrix(o.start.rotation), skin_normal_of_sample(c, s, lane));
-            side = T(side_of_skin(o.shape, local, outward, int(side), travel));
+            side = T(side_of_sample(c, slot, lane, s, local, int(side), travel));
         }
         if (!bulges && (soft || !touched || !settings.inertia)) continue;
         const SurfacePoint<double> near = surface_point(o.shape, o.start, x, int(side));

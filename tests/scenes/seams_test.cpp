@@ -1,0 +1,95 @@
+// Objects that lie flush, or nearly, are one surface to what slides over them: faces that they hide from each other
+// hold nothing back.
+
+#include <cmath>
+
+#include "scenes/load/scene.h"
+#include "scenes/run/simulation.h"
+#include "tests/support.h"
+
+namespace palpate {
+namespace {
+
+/// Boxes with tops at z = 0 that meet, or leave a gap, at x = 0.
+std::string two_boxes(const std::string& gap_mm) {
+    return "[[object]]\nname = \"far\"\nkind = \"box\"\nsize_mm = [200, 80, 20]\nfriction = 0\nposition_mm = [" +
+           std::to_string(-100 - std::stod(gap_mm)) +
+           ", 0, -10]\n[[object]]\nname = \"near\"\nkind = \"box\"\nsize_mm = [200, 80, 20]\nfriction = 0\n"
+           "position_mm = [100, 0, -10]\n";
+}
+const std::string one_box =
+    "[[object]]\nname = \"far\"\nkind = \"box\"\nsize_mm = [400, 80, 20]\nfriction = 0\nposition_mm = [0, 0, -10]\n";
+
+/// The largest force on a finger that is pressed onto what lies at z = 0 and drawn from x = 20 to -20 mm, along the
+/// motion and upwards, once it has arrived there [N].
+struct Drawn {
+    double along = 0, up = 0;
+};
+Drawn draw(const std::string& objects, const std::string& finger, const std::string& dt_ms) {
+    Simulation s = make_simulation(
+        load_scene_text(
+            "duration_s = 0.4\ndt_ms = " + dt_ms + "\n[limits]\nlow = 0.6\nhigh = 1.4\n" + objects +
+                "[[finger]]\nname = \"f\"\n" + finger +
+                "\ntrack = [ { t_s = 0, position_mm = [20, 0, 9] }, { t_s = 0.1, position_mm = [20, 0, 5.5] }, "
+                "{ t_s = 0.4, position_mm = [-20, 0, 5.5] } ]\n",
+            "seam.toml"),
+        1);
+    Drawn most;
+    while (s.world.time < 0.4 - 1e-9) {
+        advance(s);
+        const ContactSurface& c = s.world.contact_surfaces[0];
+        if (s.world.time < 0.1) continue;
+        most.along = std::max(most.along, std::abs(c.total.x));
+        most.up = std::max(most.up, c.total.z);
+    }
+    return most;
+}
+
+TEST(Seams, FingersSlideOverThem) {
+    const std::string parametric = "shape = { finger = \"index\" }\nelements = 347";
+    for (const std::string& finger : {parametric, std::string("finger = \"index-median\"")}) {
+        const Drawn whole = draw(one_box, finger, "1");
+        EXPECT_GT(whole.up, 0.5);
+        for (const char* gap : {"0", "0.2", "1"}) {
+            const Drawn parts = draw(two_boxes(gap), finger, "1");
+            EXPECT_LT(parts.along, 0.01 * whole.up) << finger << ", gap " << gap;
+            EXPECT_NEAR(parts.up, whole.up, 0.01 * whole.up) << finger << ", gap " << gap;
+        }
+    }
+    const Drawn slow = draw(two_boxes("0"), parametric, "5");
+    EXPECT_LT(slow.along, 0.01 * slow.up);
+}
+
+TEST(Seams, AGapThatSkinFallsIntoIsFelt) {
+    const std::string finger = "shape = { finger = \"index\" }\nelements = 347";
+    EXPECT_LT(draw(one_box, finger, "1").along, 1e-6);
+    EXPECT_GT(draw(two_boxes("8"), finger, "1").along, 0.05);
+}
+
+/// Speed of a body of 20 g after it has slid for 0.2 s over where two boxes meet, without friction [m/s].
+Vec3<double> slide(const std::string& shape, const std::string& dt_ms) {
+    Simulation s = make_simulation(
+        load_scene_text(
+            "duration_s = 0.2\ndt_ms = " + dt_ms + "\n" + two_boxes("0") +
+                "[[object]]\nname = \"body\"\nfriction = 0\nmass_g = 20\nvelocity_m_per_s = [-0.4, 0, 0]\n" + shape +
+                "[[finger]]\nname = \"f\"\nelements = 60\ntrack = [ { t_s = 0, position_mm = [0, 0, 900] } ]\n",
+            "seam.toml"),
+        1);
+    while (s.world.time < 0.2 - 1e-9) advance(s);
+    return s.world.bodies[0].velocity;
+}
+
+TEST(Seams, WhatLiesOnABoxSlidesOntoTheNext) {
+    const std::string disc = "kind = \"cylinder\"\nradius_mm = 25\nlength_mm = 2\nposition_mm = [33.3, 3, 1]\n",
+                      can = "kind = \"cylinder\"\nradius_mm = 12\nlength_mm = 40\nposition_mm = [33.3, 3, 20]\n",
+                      box = "kind = \"box\"\nsize_mm = [20, 30, 10]\nposition_mm = [33.3, 3, 5]\n";
+    for (const std::string& shape : {disc, can, box})
+        for (const char* dt_ms : {"1", "5"}) {
+            const Vec3<double> v = slide(shape, dt_ms);
+            EXPECT_NEAR(v.x, -0.4, 1e-4) << shape << dt_ms << " ms";
+            EXPECT_NEAR(v.y, 0, 1e-4) << shape << dt_ms << " ms";
+        }
+}
+
+}  // namespace
+}  // namespace palpate
