@@ -53,8 +53,9 @@ template <class GoesOn>
 int bridge_side(const Shape& shape, const Vec3<double>& x, int side, double travel, GoesOn goes_on) {
     const int plain = plain_side(side), axis = std::abs(plain) - 1;
     const double least = -travel - fitted::bridge;
+    const double half = shape.kind == ShapeKind::cylinder ? shape.size.y : shape.size[axis];
+    if (std::abs(x[axis]) - half > -least) return side;  // it comes nowhere near
     auto is_level = [&](Vec3<double> p) {
-        const double half = shape.kind == ShapeKind::cylinder ? shape.size.y : shape.size[axis];
         p[axis] = (plain < 0 ? -1 : 1) * (half - fitted::level);
         return goes_on(p);
     };
