@@ -102,6 +102,11 @@ struct ContactSurface {
     std::vector<ObjectContact> objects;  ///< those near it, in the order of their rows; then the fingers near it
 };
 
+/// Normal force on a sample over its area: friction presses nothing [Pa].
+inline double pressure_on(const ContactSurface& contact, std::size_t sample) {
+    return contact.area[sample] > 0 ? norm(contact.pressing[sample]) / contact.area[sample] : 0;
+}
+
 /// Object: shape, pose and friction. Fixed, moved by a script before the step, or by its body in the step.
 struct VirtualObject {
     std::string name;

@@ -26,7 +26,13 @@ struct BodyProgress {
     double undone = 0;               ///< of its overlaps with objects in this step, the most [m]
     Vec3<double> carried{0, 0, 0};   ///< way of what they belong to, times those forces [m N]
     bool flies = false;              ///< near nothing in this step
-    int island = -1, row = 0;        ///< row: of its 6 unknowns in the island's matrix
+    // In static equilibrium (anchors.h):
+    Pose<double> anchor;               ///< of the centre of mass
+    double anchor_time = 0;            ///< it holds as inertia in steps of this length would [s]
+    double borne = 0, last_borne = 0;  ///< what it bears now, and bore before it was last cast [weights]
+    int vain_casts = 0;                ///< in a row, after which it bore as much as before
+    bool adrift = false;               ///< nothing else bears the body
+    int island = -1, row = 0;          ///< row: of its 6 unknowns in the island's matrix
 };
 
 /// Lanes and bodies that touch each other, directly or through others: they iterate as one.

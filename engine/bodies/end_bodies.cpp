@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/bodies/anchors.h"
 #include "engine/bodies/islands.h"
 #include "engine/contact/fitted.h"
 #include "engine/skin/chunks/level_of_detail.h"
@@ -98,14 +99,15 @@ void end_bodies(Work& w) {
             body.converged &=
                 b.gradient.head<3>().norm() <= std::max(share * contact.head<3>().norm(), fitted::own_rounding);
             const Vec3<double> before = body.velocity;
-            body.velocity = (w.solver.inertia ? 1 / w.solver.dt : 0) * displacement;
+            body.velocity = (1 / w.solver.dt) * displacement;
             if (b.flies) body.velocity += (0.5 * w.solver.dt / body.mass) * b.weight;
             body.acceleration = (1 / w.solver.dt) * (body.velocity - before);
             for (int k = 0; k < 3; ++k) {
                 body.contact_force[k] = contact[k];
                 body.contact_torque[k] = contact[3 + k];
-                body.angular_momentum[k] += w.solver.inertia ? w.solver.dt * b.inertia.gradient[3 + k] : 0;
+                body.angular_momentum[k] += w.solver.dt * b.inertia.gradient[3 + k];
             }
+            if (!w.solver.inertia) end_static_body(w, body, b);
         }
         shape.pose = object_pose(body, b.pose);
     }
@@ -159,6 +161,7 @@ void forget_no_results(Work& w) {
 void end_body_step(BodyWork& w) {
     end_lanes(w);
     for (std::size_t k = 0; k < w.pairs.near.size(); ++k) w.pairs.near[k].pose = w.s.bodies[w.bodies.size() + k].pose;
+    if (!w.solver.inertia) find_gripped(w);
     end_bodies(w);
     brake_recovery(w);
     brake_gains(w);

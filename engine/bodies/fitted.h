@@ -82,6 +82,21 @@ inline constexpr double largest_scale_double = 1e5, largest_scale_float = 4e3;
 inline constexpr double jam_share = 0.9, jam_depth = 5e-4;
 inline constexpr int most_vain_updates = 3;
 
+// --- Static equilibrium (anchors.cpp) ---
+/// What holds a body while its equilibrium is looked for is as stiff as inertia in a step of this [s] (what nothing
+/// touches sinks by 0.2 mm in a step); each update makes it slower by this factor, so that what is held softly is found
+/// in a few, but not so slow that what it bears, or the weight of what slips off all else, would go much farther than
+/// this before the next [m] (a ball that came down on a soft slab was 100 mm below it).
+inline constexpr double anchor_time = 5e-3, slower_anchor = 2, farthest_cast = 1e-3, least_borne = 0.4;
+/// So much of its weight may be left to it; more, which so many updates in a row leave at no less than this share, is
+/// borne by nothing else (`egg`, `pinch`: one or two do, of little, where contacts begin to slip in the same step).
+inline constexpr double anchored_weight = 1e-4, vain_anchor = 0.9, little_borne = 0.1;
+inline constexpr int most_vain_casts = 3, most_vain_casts_of_little = 12;
+/// How far a body may sink in a step of static equilibrium, with room [m].
+inline constexpr double farthest_adrift = 5e-3;
+/// Skin that presses on a body with more than this share of its weight has hold of it: it takes it along.
+inline constexpr double grip_share = 0.1;
+
 // --- Soft objects (soft_contact.cpp) ---
 /// Contact with soft objects is not followed along a direction, so that one iteration in a step is one too few; and
 /// multipliers at its end are those of the last evaluation only where that left less than so much of what is pending

@@ -231,7 +231,7 @@ void brake_recovery(BodyWork& w) {
 }
 
 void bounce(BodyWork& w) {
-    if (!begin_bounces(w)) return;
+    if (!w.solver.inertia || !begin_bounces(w)) return;
     for (std::size_t row = 0; row < w.bodies.size(); ++row) {
         BodyProgress& b = w.s.bodies[row];
         b.velocity_unbounced = w.bodies[row].velocity, b.momentum_unbounced = w.bodies[row].angular_momentum;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/bodies/anchors.h"
+
 namespace palpate {
 
 namespace {
@@ -45,8 +47,7 @@ bool may_touch(const BodyWork& w, int a, int b) {
     // A ball's one feature is exact against anything; the other's points against it would count the contact twice.
     if (kind_b == ShapeKind::sphere && (kind_a != ShapeKind::sphere || a > b)) return false;
     const ContactBody &of_a = w.s.objects[a], &of_b = w.s.objects[b];
-    const double travel =
-        fitted::near_gap + 2 * w.solver.dt * (of_a.speed + of_b.speed) + 20 * w.solver.dt * w.solver.dt;
+    const double travel = fitted::near_gap + 2 * w.solver.dt * (of_a.speed + of_b.speed) + farthest_fall(w.solver);
     if (norm(of_a.centre - of_b.centre) > w.s.reach[a] + w.s.reach[b] + travel) return false;
     return surface_point(*of_b.shape, of_b.pose, of_a.centre).distance < w.s.reach[a] + travel;
 }
@@ -93,8 +94,9 @@ void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<Pai
     double mass = 1e300;
     for (int object : {p.a, p.b})
         if (w.shapes[object].body >= 0) mass = std::min(mass, w.bodies[w.shapes[object].body].mass);
-    p.penalty = std::max(
-        {fitted::least_pair_penalty, fitted::pair_inertia_share * mass / (w.solver.dt * w.solver.dt), load_penalty(p)});
+    const double time = w.solver.inertia ? w.solver.dt : fitted::anchor_time;
+    p.penalty =
+        std::max({fitted::least_pair_penalty, fitted::pair_inertia_share * mass / (time * time), load_penalty(p)});
     const ContactBody &a = w.s.objects[p.a], &b = w.s.objects[p.b];
     const std::vector<Feature>& features = features_of_pair(w.s, p);
     begin_pair(p, features, a, b);
@@ -365,18 +367,20 @@ void find_islands(BodyWork& w, const Vec3<double>& gravity, const std::vector<Pa
         const VirtualObject& shape = w.shapes[object];
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[shape.body];
-        if (!w.solver.inertia) body.velocity = body.angular_momentum = {0, 0, 0};
         BodyProgress& b = w.s.bodies[shape.body];
         const Pose<double> start = centre_pose(body, shape.previous);
         // Moved from outside: it has to look where it is.
         if (body.asleep && norm(start.position - b.pose.position) > 1e-9) body.asleep = false, body.still_steps = 0;
         b.start = start;
-        b.target = free_flight(body, b.start, gravity, w.solver.dt);
+        b.weight = body.mass * gravity;
+        if (w.solver.inertia)
+            b.target = free_flight(body, b.start, gravity, w.solver.dt);
+        else
+            cast_anchor(w, body, b);
         b.base = b.pose = centre_pose(body, shape.pose);
         b.step.setZero();
         b.flies = false;
         b.kinetic = kinetic_energy(body, start.rotation);
-        b.weight = body.mass * gravity;
     }
     begin_planes(w);
     find_coupled_chunks(w);

@@ -80,6 +80,10 @@ Quaternion<double> turned_freely(const RigidBody& body, const Quaternion<double>
 
 }  // namespace
 
+double farthest_fall(const SolverSettings& solver) {
+    return solver.inertia ? 20 * solver.dt * solver.dt : fitted::farthest_adrift;
+}
+
 Pose<double> free_flight(const RigidBody& body, const Pose<double>& centre, const Vec3<double>& gravity, double dt) {
     const double turn = dt * norm(angular_velocity(body, centre.rotation));
     const int parts = int(std::clamp(std::ceil(turn / fitted::turn_at_once), 1.0, double(fitted::most_turns)));

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/contact/shape.h"
+#include "engine/skin/solver_settings.h"
 
 namespace palpate {
 
@@ -29,6 +30,7 @@ struct RigidBody {
     bool converged = true, reset = false;         ///< how the last step ended
     int still_steps = 0;                          ///< steps for which all that it touches has not moved
     bool asleep = false;                          ///< at rest, far from fingers: skipped until something comes near
+    bool gripped = false;  ///< in static equilibrium: skin had hold of it when the last step ended
 };
 
 /// Volume of a shape [m^3]; 0 for a plane.
@@ -65,6 +67,9 @@ inline Quaternion<double> rotation_by(const Vec3<double>& turn) {
     const double half = 0.5 * norm(turn), share = half > 1e-8 ? 0.5 * std::sin(half) / half : 0.5;
     return normalised(Quaternion<double>{std::cos(half), share * turn.x, share * turn.y, share * turn.z});
 }
+
+/// How far a body that nothing holds may fall in a step, beyond its speed [m].
+double farthest_fall(const SolverSettings& solver);
 
 /// Where the body would be at the end of the step without contact: gravity, and a free turn, which keeps its angular
 /// momentum, and to the fourth order its energy.

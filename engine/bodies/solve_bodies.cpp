@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/bodies/anchors.h"
 #include "engine/bodies/directions.h"
 #include "engine/bodies/pair_ends.h"
 #include "engine/bodies/soft_contact.h"
@@ -80,7 +81,10 @@ void evaluate_bodies(Work& w) {
             s.bodies[b].gradient.setZero();
             continue;
         }
-        s.bodies[b].inertia = body_inertia(w.bodies[b], s.bodies[b].target, s.bodies[b].pose, w.solver.dt);
+        if (w.solver.inertia)
+            s.bodies[b].inertia = body_inertia(w.bodies[b], s.bodies[b].target, s.bodies[b].pose, w.solver.dt);
+        else
+            evaluate_anchor(w, w.bodies[b], s.bodies[b]);
         s.bodies[b].gradient = s.bodies[b].inertia.gradient;
         i.evaluation.energy += s.bodies[b].inertia.energy;
         const double weight = 9.81 * w.bodies[b].mass;
@@ -224,6 +228,9 @@ void update_all(Work& w) {
     for (BodyPair& p : w.s.pairs)
         if (p.a >= 0 && updates(island_of_pair(w, p))) update_pair(p, false);
     update_soft_contact(w);
+    if (!w.solver.inertia)
+        for (int i = 0; i < w.s.island_count; ++i)
+            if (updates(w.s.islands[i])) recast_anchors(w, w.s.islands[i]);
     for (int i = 0; i < w.s.island_count; ++i)
         detail::count_update<double>(w.s.islands[i].progress, w.s.islands[i].decision.update);
 }

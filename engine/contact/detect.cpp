@@ -90,9 +90,8 @@ int detect_for_lane(const Table<VirtualObject>& shapes, const Table<RigidBody>& 
     for (int object = 0; object < int(shapes.size()); ++object) {
         const VirtualObject& shape = shapes[std::size_t(object)];
         if (shape.soft >= 0) continue;  // its skin is touched (detect_soft.cpp)
-        const double approach = shape.body < 0 ? 0
-                                               : 2 * solver.dt * norm(bodies[std::size_t(shape.body)].velocity) +
-                                                     20 * solver.dt * solver.dt;
+        const double approach =
+            shape.body < 0 ? 0 : 2 * solver.dt * norm(bodies[std::size_t(shape.body)].velocity) + farthest_fall(solver);
         const bool was_near = slot < c.contacts.count[std::size_t(lane)] && c.contacts.at(slot, lane).object == object;
         if (!is_near(shape, approach, c.reach[std::size_t(lane)])) {
             if (was_near) erase_contact(c, lane, slot);

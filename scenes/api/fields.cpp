@@ -93,7 +93,7 @@ void fill_tissue(const World& w, const ContactSurface& c, const Skin& skin, int 
             break;
         case PALPATE_PRESSURES: {
             double* out = rows(m, S, 1);
-            for (std::size_t s = 0; s < S; ++s) out[s] = c.area[s] > 0 ? norm(c.force[s]) / c.area[s] : 0;
+            for (std::size_t s = 0; s < S; ++s) out[s] = pressure_on(c, s);
             break;
         }
         case PALPATE_AREAS:

@@ -227,7 +227,7 @@ enum {
     PALPATE_POSITIONS = 0,         /* finger: [S][3] float64, samples, world [m] */
     PALPATE_FORCES = 1,            /* finger: [S][3] float64, on the skin, world [N] */
     PALPATE_TOUCHES = 2,           /* finger: [S] uint8, 1 where it is pushed */
-    PALPATE_PRESSURES = 3,         /* finger: [S] float64, force by area [Pa] */
+    PALPATE_PRESSURES = 3,         /* finger: [S] float64, normal force by area [Pa] */
     PALPATE_AREAS = 4,             /* finger: [S] float64, share of the surface at rest [m^2] */
     PALPATE_FACES = 5,             /* finger: [F][3] int32, samples, outward */
     PALPATE_SAMPLE_NODES = 6,      /* finger: [S] int32, node of each sample */

@@ -26,6 +26,8 @@ struct FingerMeshRequest {
     double softening = 0;                   ///< of coarse meshes, which press too hard (softened_by)
     bool layered = false;                   ///< has a skin: with patches of elements, patches of skin, too
     bool by_default = false;                ///< kind and patch are those of scenes that say nothing of them
+    std::optional<int> scene_patch{};       ///< what the scene says of all fingers' patches
+    bool own_patch = false;                 ///< the finger itself says it
     Grading grading;                        ///< of a conforming mesh
     FingerRegions regions;
     bool half_space = false;  ///< bone nodes by half-space instead of regions

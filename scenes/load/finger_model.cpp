@@ -17,7 +17,6 @@ namespace palpate {
 namespace {
 
 constexpr double mm = unit::mm.si, kPa = unit::kPa.si;
-const std::vector<std::string> material_names{"corotational", "st-venant-kirchhoff", "neo-hookean"};  // as Material
 
 const Likely usual_young{0.5, 20000, "MPa", "Pa"};
 
@@ -70,7 +69,7 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
     s.integer(
         "patch", r.patch, {0, 16},
         "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
-        "none do.");
+        "none do. Corotational tissue alone takes them.");
     int limited = r.patches_limited.value_or(true);
     s.choice(
         "limits", limited, {"elements", "patches"},
@@ -95,6 +94,7 @@ namespace {
 /// patches are left out where the tissue is another.
 void settle_default_mesh(const Section& mesh, FingerModel& m) {
     FingerMeshRequest& r = m.mesh;
+    r.own_patch |= mesh.has("patch");
     const auto settle_limits = [&] {
         const bool corotational = m.spec.material == Material::corotational;
         if (!r.patches_limited) r.patches_limited = r.kind == FingerMeshRequest::Kind::conforming && corotational;

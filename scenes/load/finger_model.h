@@ -15,6 +15,11 @@ class Section;
 struct Problems;
 struct KeyInfo;
 
+/// Words for Material, in its order.
+inline const std::vector<std::string> material_names{"corotational", "st-venant-kirchhoff", "neo-hookean"};
+/// From here on elements that share no change of volume lock.
+inline constexpr double locking_poisson_ratio = 0.45;
+
 /// A layer of tissue below the skin; what lies deeper than all layers has the finger's own material and limits.
 struct TissueLayer {
     double thickness = 1e-3;      ///< [m]

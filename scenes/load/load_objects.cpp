@@ -114,8 +114,10 @@ BodyKeys read_body_keys(Section& s) {
              "With a mass (or density) forces move the object; without, it stays, or follows its track.");
     s.number("density_kg_per_m3", k.density, unit::kg_per_m3, {1e-3, 1e5}, "Instead of the mass.",
              Likely{2, 25000, "g/cm^3", "g/m^3"});
-    s.number("restitution", k.restitution, unit::one, {0, 1},
-             "Share of the speed with which it bounces off other objects.");
+    s.number(
+        "restitution", k.restitution, unit::one, {0, 1},
+        "Share of the speed with which it bounces off other objects. Of two bodies, the larger one's counts for both; "
+        "what is no body has none, and fingers bounce nothing off.");
     s.number("release_s", k.release, unit::s, {0, 1e5}, "Until then it stays where it is.");
     s.vector("velocity_m_per_s", k.velocity, unit::m_per_s, 100, "Velocity at the start, of its centre of mass.");
     s.vector("spin_rad_per_s", k.spin, unit::rad_per_s, 1000, "Angular velocity at the start, about the world's axes.");

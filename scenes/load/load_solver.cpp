@@ -90,7 +90,10 @@ void read_solver(Section s, Scene& scene) {
              "A finger near no object that moves slower than this, and whose target is still, is skipped. 0: never.");
     read_level_of_detail(s, v);
     bool statics = !v.inertia;
-    s.boolean("static", statics, "Static equilibrium in every step: no inertia, no damping.");
+    s.boolean("static", statics,
+              "Static equilibrium in every step: no inertia, no damping, of bodies either. A body that nothing holds "
+              "has none: "
+              "it sinks a little in each step, which the summary says.");
     v.inertia = !statics;
     int precision = 0;
     s.choice("precision", precision, {"double", "float"}, "Arithmetic of the skin; \"float\" is faster.");

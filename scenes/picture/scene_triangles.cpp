@@ -97,7 +97,7 @@ void dent(const World& world, const VirtualObject& o, Triangles& t) {
 std::vector<double> pressures_of(const TetMesh& mesh, const ContactSurface& contact) {
     std::vector<double> pressure(mesh.nodes.size(), 0.0);
     for (std::size_t s = 0; s < mesh.pad_nodes.size(); ++s)
-        pressure[std::size_t(mesh.pad_nodes[s])] = norm(contact.force[s]) / contact.area[s];
+        pressure[std::size_t(mesh.pad_nodes[s])] = pressure_on(contact, s);
     return pressure;
 }
 
@@ -137,7 +137,7 @@ bool centre_of_pressure(const World& world, EntityId finger, Vector3d& place, Ve
     double weight = 0;
     place.setZero(), force.setZero();
     for (std::size_t s = 0; s < c.force.size(); ++s) {
-        const double w = norm(c.force[s]);
+        const double w = norm(c.pressing[s]);
         place += w * as_eigen(transform(c.bone, c.position[s]));
         force += as_eigen(c.force[s]);
         weight += w;

@@ -38,7 +38,7 @@ void write_tissue(const fs::path& path, TetMesh mesh, const ContactSurface& cont
         const int i = mesh.pad_nodes[s];
         region.values[i] = 2;
         for (int d = 0; d < 3; ++d) force.values[3 * i + d] = contact.force[s][d];
-        pressure.values[i] = 1e-3 * norm(contact.force[s]) / contact.area[s];
+        pressure.values[i] = 1e-3 * pressure_on(contact, s);
     }
     for (const auto& t : mesh.tets) {
         const Vec3<double> sigma = principal_stretches(corners(mesh.nodes, t), corners(now, t));

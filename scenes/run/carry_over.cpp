@@ -121,6 +121,7 @@ bool carry_over(Simulation& from, Simulation& to) {
         const RigidBody& a = u.bodies[i];
         RigidBody& b = v.bodies[i];
         b.velocity = a.velocity, b.angular_momentum = a.angular_momentum, b.acceleration = a.acceleration;
+        b.gripped = a.gripped;
         b.contact_force = a.contact_force, b.contact_torque = a.contact_torque;
         b.asleep = a.asleep && v.time < b.release;  // others look again where they are
     }

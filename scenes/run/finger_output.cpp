@@ -18,11 +18,11 @@ FingerOutput finger_output(const ContactSurface& c) {
         const Vec3<double>& f = c.force[s];
         if (f.x == 0 && f.y == 0 && f.z == 0) continue;
         const Vec3<double> arm = R * c.position[s];
-        const double size = norm(f);
+        const double size = norm(c.pressing[s]);
         out.torque += cross(arm, f);
         out.centre += size * arm;
         weight += size;
-        out.pressure_peak = std::max(out.pressure_peak, size / c.area[s]);
+        out.pressure_peak = std::max(out.pressure_peak, pressure_on(c, s));
     }
     out.centre = weight > 0 ? c.bone.position + (1 / weight) * out.centre : Vec3<double>{NAN, NAN, NAN};
     return out;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/math/svd3.h"
+#include "scenes/run/object_output.h"
 #include "scenes/run/wrapped.h"
 
 namespace palpate {
@@ -104,7 +105,8 @@ void record_bodies(Simulation& s) {
         const RigidBody& body = w.bodies[b];
         const int object = object_of(w, b);
         const VirtualObject& shape = w.shapes[object];
-        const Vec3<double>&p = shape.pose.position, &v = body.velocity, &f = body.contact_force;
+        const Vec3<double>&p = shape.pose.position, &v = body.velocity;
+        const Vec3<double> f = object_output(w, std::size_t(object)).force;
         const Quaternion<double>& q = shape.pose.rotation;
         const double weight = std::max(body.mass * norm(w.gravity), 1e-9);
         Vec3<double> by_fingers{0, 0, 0};
@@ -115,8 +117,8 @@ void record_bodies(Simulation& s) {
                 by_fingers -= c->force, grip += c->normal_force;
                 settled &= !w.contact_surfaces.find(finger)->rough;
             }
-        // Held: by fingers and by nothing else.
-        const bool held = grip > 0 && norm(f - by_fingers) < 1e-2 * weight + 1e-3 * grip;
+        // Held: by fingers and by nothing else, such as what keeps it where it is until its release.
+        const bool held = shape.body >= 0 && grip > 0 && norm(f - by_fingers) < 1e-2 * weight + 1e-3 * grip;
         const double balance = norm(f + body.mass * (w.gravity - body.acceleration)) / weight;
         std::vector<double>& out = s.body_series[std::size_t(b)].values;
         for (double value :
@@ -165,6 +167,17 @@ double grasp_capacity(const std::vector<GripSample>& all, double mass, const Vec
     return 1 + wrench_reserve(all, weight, kept);
 }
 
+namespace {
+
+/// Whether a step of static equilibrium has found none for a body: a hundredth of its weight or more is borne by
+/// nothing.
+bool lacks_equilibrium(const Simulation& s, int body, double time, double balance) {
+    const RigidBody& b = s.world.bodies[std::size_t(body)];
+    return !s.world.solver.inertia && norm(s.world.gravity) > 0 && time > b.release + 1e-9 && !(balance < 0.01);
+}
+
+}  // namespace
+
 std::vector<BodySummary> summarise_bodies(const Simulation& s) {
     std::vector<BodySummary> all;
     for (int b = 0; b < int(s.world.bodies.size()); ++b) {
@@ -180,6 +193,8 @@ std::vector<BodySummary> summarise_bodies(const Simulation& s) {
             out.converged_share += converged[k] / double(held.size());
             out.resets += int(reset[k]);
             if (held[k] > 0) last = k, ++count, balances.push_back(balance[k]);
+            if (lacks_equilibrium(s, b, time[k], balance[k]))
+                ++out.unbalanced_steps, out.worst_balance = std::max(out.worst_balance, balance[k]);
         }
         out.held_s = double(count) * s.world.solver.dt;
         if (count == 0) {
@@ -255,6 +270,12 @@ std::string to_text(const std::vector<BodySummary>& bodies) {
                 out += wrapped(b.name + " slipped through the fingers: grip harder, or give it more friction", "  ");
             if (b.dropped_at_s >= 0) out += written("  %s was dropped at t = %.2f s\n", name, b.dropped_at_s);
         }
+        if (b.unbalanced_steps > 0)
+            out += wrapped(written("%s was in no static equilibrium in %lld steps: contact forces missed its weight by "
+                                   "up to %.3g %% of it. What nothing holds sinks a little in each step, by no law; "
+                                   "hold it, use more iterations (solver.preset), or leave out static",
+                                   name, (long long)b.unbalanced_steps, 100 * b.worst_balance),
+                           "  ");
         if (b.resets)
             out += wrapped(
                 written("%s diverged and was stopped %d times: use smaller steps (dt_ms)", name, int(b.resets)), "  ");

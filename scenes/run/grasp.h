@@ -8,9 +8,10 @@
 
 namespace palpate {
 
-/// Columns of a body's series: time, pose, velocity, contact force, whether fingers alone hold it, balance; then per
-/// finger grip, share of the friction in use, slip (way in the step, however short or shaky), slid (way from where it
-/// was gripped, to and fro cancelled).
+/// Columns of a body's series: time, pose (of the object's origin), velocity (of its centre of mass), contact force
+/// (before its release of fingers and tissue alone), whether fingers alone hold it, balance; then per finger grip,
+/// share of the friction in use, slip (way in the step, however short or shaky), slid (way from where it was gripped,
+/// to and fro cancelled).
 std::vector<std::string> body_columns(const Simulation& simulation);
 /// Appends one row to the series of every body.
 void record_bodies(Simulation& simulation);
@@ -33,9 +34,11 @@ struct BodySummary {
     double balance = 0;        ///< median of |contact force + weight - mass x acceleration| / weight while held
     double converged_share = 0;
     int resets = 0;
-    std::int64_t unsettled_steps = 0;  ///< of the hold that ended too far from balance to say anything of it
-    double slips_at_weights = 0;       ///< grasp_capacity
-    std::vector<GripSummary> grips;    ///< of fingers that touched it while held
+    std::int64_t unsettled_steps = 0;   ///< of the hold that ended too far from balance to say anything of it
+    std::int64_t unbalanced_steps = 0;  ///< of static equilibrium, that have found none for it
+    double worst_balance = 0;           ///< of these steps, as a share of its weight
+    double slips_at_weights = 0;        ///< grasp_capacity
+    std::vector<GripSummary> grips;     ///< of fingers that touched it while held
 };
 
 /// Samples with which a finger touches a body now, seen from its centre of mass.

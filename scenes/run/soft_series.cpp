@@ -30,7 +30,7 @@ void record_soft_objects(Simulation& s) {
         const SoftObject& o = s.world.soft.all[k];
         const ContactSurface& c = o.surface;
         double peak = 0;
-        for (std::size_t i = 0; i < c.force.size(); ++i) peak = std::max(peak, norm(c.force[i]) / c.area[i]);
+        for (std::size_t i = 0; i < c.force.size(); ++i) peak = std::max(peak, pressure_on(c, i));
         for (const double v : {s.world.time, c.normal_force, c.total.x, c.total.y, c.total.z, 1e6 * c.touching_area,
                                1e-3 * peak, 1e3 * deepest_dent(s.world, o), double(has_converged(s.world, o))})
             s.soft_series[k].values.push_back(v);

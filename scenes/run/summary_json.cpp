@@ -93,6 +93,7 @@ nlohmann::json to_json(const Summary& s) {
                          {"unsettled_steps", b.unsettled_steps},
                          {"grips", nlohmann::json::array()}};
         if (b.slips_at_weights > 0) k["slips_at_weights"] = b.slips_at_weights;
+        if (b.unbalanced_steps > 0) k["unbalanced_steps"] = b.unbalanced_steps;
         if (b.dropped_at_s >= 0) k["dropped_at_s"] = b.dropped_at_s;
         for (const GripSummary& g : b.grips)
             k["grips"].push_back({{"finger", g.finger},

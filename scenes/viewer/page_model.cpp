@@ -43,12 +43,12 @@ float unit_for(const std::vector<double>& values, double least, double range) {
     return float(most / range * (1 + 1e-6));
 }
 constexpr double least_pressure = 1000, unsigned_range = 65535, signed_range = 32767;  // [Pa]
-/// Pressure on every node of a mesh by the forces on its samples [Pa].
-std::vector<double> pressures(const TetMesh& mesh, const std::vector<Vec3<double>>& force,
+/// Pressure on every node of a mesh by what presses on its samples along normals [Pa].
+std::vector<double> pressures(const TetMesh& mesh, const std::vector<Vec3<double>>& pressing,
                               const std::vector<double>& area) {
     std::vector<double> pressure(mesh.nodes.size(), 0.0);
     for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
-        pressure[std::size_t(mesh.pad_nodes[k])] = norm(force[k]) / area[k];
+        pressure[std::size_t(mesh.pad_nodes[k])] = norm(pressing[k]) / area[k];
     return pressure;
 }
 
@@ -82,7 +82,7 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
     const Pose<double> bone = bone_pose(s.world, finger);
     const std::vector<Point> now = finger_positions(s.world, finger);
     const Strains strains = strains_of(mesh, now, s.scene.spec.fingers[row]);
-    const std::vector<double> pressure = pressures(mesh, contact.force, contact.area);
+    const std::vector<double> pressure = pressures(mesh, contact.pressing, contact.area);
     put_pose(out, bone);
     std::vector<double> forces;
     for (const Vec3<double>& f : contact.force)
@@ -107,7 +107,7 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
 void append_soft(std::vector<std::uint8_t>& out, const World& world, const SoftObject& o) {
     const Pose<double>& pose = world.shapes[std::size_t(o.object)].pose;
     const std::vector<Point> now = soft_positions(world, o);
-    const std::vector<double> pressure = pressures(o.skin.mesh, o.surface.force, o.surface.area);
+    const std::vector<double> pressure = pressures(o.skin.mesh, o.surface.pressing, o.surface.area);
     const float unit = unit_for(pressure, least_pressure, unsigned_range);
     put(out, unit);
     for (int i : skin_nodes(o.skin.mesh)) {

@@ -69,5 +69,29 @@ TEST(LimitPatches, AreTheSamePartsOfTheFingerInEveryMesh) {
     EXPECT_TRUE(preset_mesh(347, false).limit_patches.empty()) << "nothing is limited";
 }
 
+TEST(Patches, TissueThatTakesNoneIsSaidToLock) {
+    const auto said = [](const std::string& mesh, const std::string& material, const std::string& finger = "") {
+        return load_scene_text("duration_s = 0.1\n" + mesh +
+                                   "\n[[finger]]\nname = \"f\"\nshape = { finger = \"index\" }\nmaterial = " +
+                                   material + "\n" + finger,
+                               "scene.toml")
+            .warnings;
+    };
+    const std::string locks = "{ kind = \"neo-hookean\", poisson = 0.499 }",
+                      fine = "{ kind = \"neo-hookean\", poisson = 0.3 }";
+    for (const char* mesh : {"[mesh]\npatch = 5", ""}) {
+        ASSERT_EQ(said(mesh, locks).size(), 1u) << mesh;
+        for (const char* words : {"\"f\"", "neo-hookean tissue", "no patches", "poisson = 0.499", "lock"})
+            EXPECT_NE(said(mesh, locks)[0].find(words), std::string::npos) << said(mesh, locks)[0];
+        EXPECT_TRUE(said(mesh, locks, "mesh = { patch = 0 }").empty());
+        EXPECT_TRUE(said(mesh, "{ poisson = 0.499 }").empty());
+    }
+    ASSERT_EQ(said("[mesh]\npatch = 5", fine).size(), 1u);
+    EXPECT_NE(said("[mesh]\npatch = 5", fine)[0].find("[mesh] patch = 5 is not taken"), std::string::npos);
+    EXPECT_EQ(said("[mesh]\npatch = 5", fine)[0].find("lock"), std::string::npos);
+    EXPECT_TRUE(said("", fine).empty());
+    EXPECT_TRUE(said("[mesh]\npatch = 0", locks).empty());
+}
+
 }  // namespace
 }  // namespace palpate

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "meshes/mesh_files.h"
+#include "scenes/run/finger_output.h"
 #include "scenes/run/summary.h"
 #include "scenes/studies/compare.h"
 #include "tests/support.h"
@@ -72,6 +73,34 @@ TEST(TrueReadings, WhatTheSolverHadToDoIsSaid) {
     EXPECT_NE(text.find("in 3 steps an object pressed on it from inside its skin"), std::string::npos);
     EXPECT_NE(text.find("up to 1000002 steps ended too far from balance to be sent"), std::string::npos);
     EXPECT_EQ(to_json(summarise(s))["fingers"][0]["wrong_side_steps"], 3);
+}
+
+TEST(TrueReadings, FrictionPressesNothing) {
+    // Over an object that gives way, pressure is stiffness times depth, however much rubs.
+    for (const char* friction : {"0", "1"}) {
+        Simulation s = make_simulation(
+            load_scene_text(
+                "duration_s = 0.25\ndt_ms = 5\n[limits]\nlow = 0.6\nhigh = 1.4\n"
+                "[[object]]\nname = \"table\"\nstiffness_kPa_per_mm = 15\nfriction = " +
+                    std::string(friction) +
+                    "\n[[finger]]\nname = \"f\"\nshape = { finger = \"index\" }\n"
+                    "track = [ { t_s = 0, position_mm = [0, 0, 9] }, "
+                    "{ t_s = 0.1, position_mm = [0, 0, 6.5] }, { t_s = 0.3, position_mm = [20, 0, 6.5] } ]\n",
+                "winkler.toml"),
+            1);
+        run(s, stop, {});
+        const ContactSurface& c = *s.world.contact_surfaces.find(s.fingers[0]);
+        double deepest = 0, weight = 0, across = 0;
+        for (std::size_t k = 0; k < c.force.size(); ++k) {
+            const Vec3<double> place = sample_place(c, k);
+            deepest = std::max(deepest, -place.z);
+            weight += c.pressing[k].z, across += c.pressing[k].z * place.x;
+        }
+        const double pressure = 1e-3 * 15e6 * deepest;  // [kPa]
+        EXPECT_NEAR(s.finger_series[0].column("pressure_peak_kPa").back(), pressure, 1e-3 * pressure) << friction;
+        EXPECT_NEAR(s.finger_series[0].column("centre_x_mm").back(), 1e3 * across / weight, 1e-6) << friction;
+        EXPECT_NEAR(std::abs(c.total.x), std::stod(friction) * c.normal_force, 0.2 * c.normal_force) << "it slides";
+    }
 }
 
 TEST(TrueReadings, ABallThatConformingFingersHoldComesToRest) {
