@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "engine/bodies/islands.h"
+#include "engine/contact/fitted.h"
 #include "engine/skin/chunks/level_of_detail.h"
 #include "engine/skin/chunks/work_memory.h"
 #include "engine/skin/solve/kernels.h"
@@ -237,9 +238,21 @@ Coupling rigid_hold() {
     return c;
 }
 
+/// Of the faces of a mesh's surface [m].
+double mean_edge(const TetMesh& mesh) {
+    double sum = 0;
+    for (const auto& face : mesh.surface)
+        for (std::size_t k = 0; k < 3; ++k) {
+            const Point &a = mesh.nodes[std::size_t(face[k])], &b = mesh.nodes[std::size_t(face[(k + 1) % 3])];
+            sum += std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+        }
+    return mesh.surface.empty() ? 0 : sum / double(3 * mesh.surface.size());
+}
+
 /// A chunk of its own for each soft object.
 void add_soft_objects(const SceneSpec& spec, World& world) {
     const bool friction = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.friction > 0; });
+    const int refinement = tissue_refinement(spec);
     int unknowns = 0;
     for (int object = 0; object < int(spec.objects.size()); ++object) {
         const ObjectSpec& o = spec.objects[std::size_t(object)];
@@ -248,10 +261,10 @@ void add_soft_objects(const SceneSpec& spec, World& world) {
         world.shapes[std::size_t(object)].soft = int(world.soft.all.size());
         SoftObject& soft = world.soft.all.emplace_back();
         SkinChunk<double>& chunk = world.chunks.doubles.emplace_back();
-        allocate_chunk(
-            chunk, std::make_shared<const SkinTopology>(build_topology(f.mesh, false, spec.solver.sample_refinement)),
-            1, f.has_limits, friction, int(spec.objects.size()), has_bodies(spec), false);
+        allocate_chunk(chunk, std::make_shared<const SkinTopology>(build_topology(f.mesh, false, refinement)), 1,
+                       f.has_limits, friction, int(spec.objects.size()), has_bodies(spec), false);
         chunk.material = f.material;
+        chunk.edge_round = fitted::round_edges / refinement * mean_edge(f.mesh);
         // Its number among fingers is one that none of them has.
         set_lane(chunk, 0, int(spec.fingers.size() + world.soft.all.size()) - 1,
                  stiffened_for_inertia(parameters_of(f), spec.solver), o.pose);
@@ -320,6 +333,11 @@ ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& 
 }
 
 }  // namespace
+
+int tissue_refinement(const SceneSpec& spec) {
+    const int wanted = spec.solver.sample_refinement;
+    return has_bodies(spec) ? std::max(wanted, fitted::tissue_refinement) : wanted;
+}
 
 World build_world(const SceneSpec& spec) {
     if (const auto wrong = spec.validate(); !wrong.empty()) {

@@ -83,6 +83,9 @@ struct SceneSpec {
 /// sentences of validate().
 World build_world(const SceneSpec& spec);
 
+/// Samples of soft objects along every edge of their faces: more than fingers have, where bodies may touch them.
+int tissue_refinement(const SceneSpec& spec);
+
 /// A force matcher for one of a scene's fingers.
 ForceMatcher build_force_matcher(const FingerSpec& finger, const DeviceModel& model, const MatchingSettings& settings);
 

@@ -45,6 +45,7 @@ void step(World& w, Threads& threads) {
     end_cuts(w.deadline, w.chunks, w.body_solve);
     timed(p.extract_contact, [&] {
         extract_contact(w.skins, w.solver.tolerance, threads, w.soft, w.chunks, w.couplings, w.contact_surfaces);
+        find_entered_tissue(w.time, w.soft, w.chunks, w.bodies);
     });
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });
     timed(p.publish, [&] {

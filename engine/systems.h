@@ -70,6 +70,10 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
 void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, SoftObjects& soft,
                      SkinChunks& chunks, Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
 
+/// Notes which objects have come into soft objects between their samples, and that in such a step neither has
+/// converged.
+void find_entered_tissue(double time, SoftObjects& soft, SkinChunks& chunks, Table<RigidBody>& bodies);
+
 /// Solves the thimbles that are due, in parallel.
 void match_devices(const Table<ContactSurface>& surfaces, double time, Threads& threads, Table<Matching>& matchings,
                    Table<ForceMatcher>& force_matchers);

@@ -129,6 +129,9 @@ struct SoftObject {
     Coupling hold;  ///< of its fixed nodes to the object's pose
     ContactSurface surface;
     std::vector<std::array<int, 3>> faces;     ///< of its surface that can be touched, outward
+    int entered_by = -1;                       ///< row of the first object that came in between its samples; -1: none
+    double entered_at = 0;                     ///< then [s]
+    std::int64_t entered_steps = 0;            ///< steps in which any was in there
     std::vector<Vec3<double>> nodes;           ///< scratch: [node] world [m]
     Vec3<double> low{0, 0, 0}, high{0, 0, 0};  ///< scratch: bounds of its faces, world [m]
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/systems.h"
+
 namespace palpate {
 
 namespace {
@@ -161,6 +163,35 @@ int corners_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, const 
     return count;
 }
 
+/// Places inside an object, half way from its middle outward, and the middle itself (object's frame).
+template <class Visit>
+bool any_inner_point(const Shape& shape, Visit visit) {
+    if (shape.kind == ShapeKind::plane) return false;
+    if (shape.kind == ShapeKind::mesh) return visit(shape.mesh->centroid);
+    const bool box = shape.kind == ShapeKind::box, ball = shape.kind == ShapeKind::sphere;
+    const Vec3<double> half = 0.5 * (box ? shape.size : Vec3<double>{0, 0, ball ? 0 : shape.size.y});
+    if (visit({0, 0, 0})) return true;
+    for (int k = 0; k < 8; ++k)
+        if (visit({k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z})) return true;
+    return false;
+}
+
+/// Whether an object is inside a soft object's tissue, and has not merely dented it: a place inside of it is, or a
+/// corner of a box, as deep as no flat face between nodes leaves it out.
+bool is_in_tissue(const SkinChunk<double>& c, int lane, const LaneContact& o, const ContactSurface& surface) {
+    const auto is_there = [&](const Vec3<double>& x) { return in_tissue(c, lane, transform(o.pose, x)); };
+    if (any_inner_point(o.shape, is_there)) return true;
+    if (o.shape.kind != ShapeKind::box) return false;
+    const Vec3<double>& half = o.shape.size;
+    for (int k = 0; k < 8; ++k) {
+        const Vec3<double> corner{k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z};
+        if (is_there(corner) && distance_to_pad(surface, inverse_transform(surface.bone, transform(o.pose, corner))) >
+                                    deep * surface.longest_edge)
+            return true;
+    }
+    return false;
+}
+
 /// Whether the way from a to b (a mesh's frame) leads through a wall: steps along it are as long as the surface is far.
 bool leads_through(const DistanceMesh& mesh, const Vec3<double>& a, const Vec3<double>& b) {
     constexpr double touching = 1e-6, shortest = 1.0 / 256, opposite = -0.5;
@@ -223,6 +254,24 @@ int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface)
         count += behind;
     }
     return count;
+}
+
+void find_entered_tissue(double time, SoftObjects& soft, SkinChunks& chunks, Table<RigidBody>& bodies) {
+    for (SoftObject& s : soft.all) {
+        SkinChunk<double>& c = chunks.doubles[std::size_t(s.skin.chunk)];
+        SkinStatus& status = c.status[std::size_t(s.skin.lane)];
+        int first = -1;
+        for (int slot = 0; slot < c.contacts.count[std::size_t(s.skin.lane)]; ++slot) {
+            const LaneContact& o = c.contacts.at(slot, s.skin.lane);
+            if (o.finger >= 0 || o.stiffness > 0 || !is_in_tissue(c, s.skin.lane, o, s.surface)) continue;
+            if (first < 0) first = o.object;
+            ++status.wrong_sides;
+            status.converged = false;
+            if (o.body >= 0) bodies[std::size_t(o.body)].converged = false;
+        }
+        if (first < 0) continue;
+        if (s.entered_steps++ == 0) s.entered_by = first, s.entered_at = time;
+    }
 }
 
 template int nodes_through_walls(SkinChunk<double>&, int, const ContactSurface&);

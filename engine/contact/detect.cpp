@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/contact/fitted.h"
 #include "engine/systems.h"
 
 namespace palpate {
@@ -71,6 +72,13 @@ bool is_near(const VirtualObject& shape, double approach, const Sphere& reach) {
     return surface_point(shape.shape, shape.pose, reach.centre).distance - reach.radius - approach < 0;
 }
 
+/// Radius of an object's edges for a skin that wants so much [m].
+double rounding_of(const Shape& shape, double wanted) {
+    if (!(wanted > 0) || !has_sides(shape.kind)) return 0;
+    const double least = std::min(shape.size.x, shape.size.y);
+    return std::min(wanted, fitted::roundest * (shape.kind == ShapeKind::box ? std::min(least, shape.size.z) : least));
+}
+
 template <class T>
 LaneContact contact_of(const SkinChunk<T>& c, int lane, const VirtualObject& shape, int object,
                        const Table<RigidBody>& bodies) {
@@ -78,6 +86,7 @@ LaneContact contact_of(const SkinChunk<T>& c, int lane, const VirtualObject& sha
                         shape.friction, shape.stiffness, shape.body, {}};
     const auto& own = c.rest.object_friction;
     if (!own.empty()) contact.friction = double(own[std::size_t(object * c.width + lane)]);
+    contact.shape.round = rounding_of(shape.shape, c.edge_round);
     if (shape.body >= 0) contact.mass_centre = bodies[std::size_t(shape.body)].mass_centre;
     return contact;
 }

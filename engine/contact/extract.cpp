@@ -66,9 +66,10 @@ Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size
     }
     const Vec3<T> local = transposed_times(rotation, x - position);
     const Vec3<T> size{T(o.shape.size.x), T(o.shape.size.y), T(o.shape.size.z)};
-    const Vec3<T> n = rotation * (has_sides(o.shape.kind) ? sided_point(o.shape.kind, size, local, side)
-                                                          : local_surface_point(o.shape, local))
-                                     .normal;
+    const Vec3<T> n =
+        rotation * (has_sides(o.shape.kind) ? sided_point(o.shape.kind, size, T(o.shape.round), local, side)
+                                            : local_surface_point(o.shape, local))
+                       .normal;
     return {double(n.x), double(n.y), double(n.z)};
 }
 

@@ -17,6 +17,12 @@ inline constexpr double nodal_gap = 0.65;
 /// Boxes, discs and plates that are less than twice this thick remember the side a point is on; in thicker ones the
 /// nearest face is the right one (cards of 0.1 and 1 mm met at 0.1 to 10 m/s) [m].
 inline constexpr double thin_half = 2.5e-3;
+/// Soft objects under bodies have so many samples at least along every edge of their faces. For their samples edges of
+/// boxes and rims of cylinders are round, with a radius of this share of the samples' distance, and at most this one of
+/// the smallest half extent: nodes before a box in its dent met the face at its front, and held it (boxes, cylinders,
+/// capsules and balls of 6 to 40 mm that slide down a slab of 300 to 3,000 elements, test `Soft.BodiesSlide...`).
+inline constexpr int tissue_refinement = 3;
+inline constexpr double round_edges = 0.9, roundest = 0.5;
 /// Skin lies on a face of a box, or on an end of a cylinder, that its normal is against by this cosine, and in which it
 /// is no deeper than this [m].
 inline constexpr double looks_at_face = 0.8, on_face = 2e-5;

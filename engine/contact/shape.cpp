@@ -6,7 +6,7 @@ namespace palpate {
 
 int side_of(const Shape& shape, const Vec3<double>& x, int before) {
     if (!has_sides(shape.kind)) return 0;
-    if (before != 0 && sided_point(shape.kind, shape.size, x, double(before)).distance <= 0) return before;
+    if (before != 0 && sided_point(shape.kind, shape.size, shape.round, x, double(before)).distance <= 0) return before;
     if (shape.kind == ShapeKind::cylinder) {  // its mantle is no side: what is beside it may go to either end
         const double over = std::abs(x.z) - shape.size.y;
         return over > std::hypot(x.x, x.y) - shape.size.x ? (x.z < 0 ? -3 : 3) : 0;

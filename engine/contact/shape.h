@@ -16,6 +16,7 @@ struct Shape {
     ShapeKind kind = ShapeKind::plane;
     Vec3<double> size{0, 0, 0};          ///< [m]
     const DistanceMesh* mesh = nullptr;  ///< of kind mesh; owned by the object
+    double round = 0;                    ///< radius of a box's edges, or of a cylinder's rims [m]
 };
 
 template <class R>
@@ -156,12 +157,16 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
 inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
 
 /// The same for a point on one side of a shape that has sides: 1, 2, 3 for the faces towards +x, +y, +z, negative for
-/// the others; 0: none; strict sides are 4, 5, 6; bridged along
-/// the next axis 7, 8, 9, along the one after it 10, 11, 12, along both 13, 14, 15.
+/// the others; 0: none; strict sides are 4, 5, 6; bridged along the next axis 7, 8, 9, along the one after it 10, 11, 12,
+/// along both 13, 14, 15. Edges are rounded with a radius.
 template <class R>
-inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const Vec3<R>& x, const R& side) {
-    if (kind == ShapeKind::cylinder) return detail::cylinder_point<R, true>(x, size.x, size.y, side);
-    return detail::box_point<R, true>(x, size, side);
+inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const R& round, const Vec3<R>& x,
+                                   const R& side) {
+    const Vec3<R> inner{size.x - round, size.y - round, size.z - round};
+    SurfacePoint<R> p = kind == ShapeKind::cylinder ? detail::cylinder_point<R, true>(x, inner.x, inner.y, side)
+                                                    : detail::box_point<R, true>(x, inner, side);
+    p.distance -= round;
+    return p;
 }
 
 /// The side that a point at x (shape's frame) is on: where it is inside, or was pushed through, the one that it was on
@@ -174,6 +179,8 @@ template <class R>
 inline SurfacePoint<R> local_surface_point(const Shape& shape, const Vec3<R>& x) {
     if (shape.kind == ShapeKind::mesh) return detail::mesh_point(*shape.mesh, x);
     const Vec3<R> size{R(ScalarOf<R>(shape.size.x)), R(ScalarOf<R>(shape.size.y)), R(ScalarOf<R>(shape.size.z))};
+    if (shape.round > 0 && has_sides(shape.kind))
+        return sided_point(shape.kind, size, R(ScalarOf<R>(shape.round)), x, R(0));
     return primitive_point(shape.kind, size, x);
 }
 
@@ -197,7 +204,7 @@ inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>
     if (side == 0 || !has_sides(shape.kind)) return surface_point(shape, pose, x);
     const Mat3<double> rotation = rotation_matrix(pose.rotation);
     SurfacePoint<double> s =
-        sided_point(shape.kind, shape.size, transposed_times(rotation, x - pose.position), double(side));
+        sided_point(shape.kind, shape.size, shape.round, transposed_times(rotation, x - pose.position), double(side));
     s.normal = rotation * s.normal;
     return s;
 }

@@ -79,7 +79,8 @@ void read_solver(Section s, Scene& scene) {
         "grasp comes to rest. 0: none. Where nothing is said: 8 with preset \"fast\" and where a finger's mesh has "
         "patches but limits of elements, else 0. A step that `deadline_ms` sends to another preset has none.");
     s.integer("sample_refinement", v.sample_refinement, sample_refinement,
-              "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces.");
+              "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces. Soft "
+              "objects in scenes with bodies have 3 at least.");
     s.number("limit_tolerance", v.limit_tolerance, unit::one, limit_tolerance,
              "Relative excess allowed over a strain limit.");
     s.number("contact_tolerance_um", v.contact_tolerance, unit::um, in(unit::um, contact_tolerance),

@@ -244,7 +244,7 @@ void exchange(Archive& a, BodySolve& s) {
 template <class Archive>
 void exchange(Archive& a, SoftObjects& soft) {
     for (SoftObject& o : soft.all) {
-        value(a, o.hold);
+        value(a, o.hold, o.entered_by, o.entered_at, o.entered_steps);
         exchange(a, o.surface);
     }
     for (SoftPair& p : soft.pairs) {

@@ -93,6 +93,15 @@ SoftSummary summarise_soft(const Simulation& s, std::size_t k) {
     out.area_mm2 = 1e6 * o.surface.touching_area;
     out.converged = has_converged(s.world, o);
     out.dent_mm = 1e3 * deepest_dent(s.world, o);
+    if (o.entered_steps > 0) {
+        PlainText text;
+        text << "; in " << o.entered_steps << " steps, first at " << o.entered_at
+             << " s, something was in its tissue that passed between its samples, first \""
+             << s.world.shapes[std::size_t(o.entered_by)].name
+             << "\": what presses it is less than it should be; more elements, or solver.sample_refinement, bring "
+                "samples nearer";
+        out.entered = text.str();
+    }
     const Series& series = s.soft_series[k];
     for (const double force : series.column("contact_force_N")) out.peak_force_N = std::max(out.peak_force_N, force);
     for (const double dent : series.column("dent_mm")) out.deepest_dent_mm = std::max(out.deepest_dent_mm, dent);

@@ -47,6 +47,7 @@ struct SoftSummary {
     bool converged = true;
     double peak_force_N = 0, deepest_dent_mm = 0;  ///< of the whole run
     double converged_share = 1;                    ///< of its steps
+    std::string entered;                           ///< what came in between its samples, in words; empty: nothing
 };
 
 struct Summary {

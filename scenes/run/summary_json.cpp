@@ -81,7 +81,8 @@ nlohmann::json to_json(const Summary& s) {
                                      {"converged", o.converged},
                                      {"peak_force_N", o.peak_force_N},
                                      {"deepest_dent_mm", o.deepest_dent_mm},
-                                     {"converged_share", o.converged_share}});
+                                     {"converged_share", o.converged_share},
+                                     {"entered", o.entered}});
     for (const BodySummary& b : s.bodies) {
         nlohmann::json k{{"name", b.name},
                          {"held_s", b.held_s},

@@ -171,9 +171,9 @@ std::string soft_objects(const Summary& s) {
     for (const SoftSummary& o : s.soft_objects)
         out += wrapped(
             written("soft object %s (%d elements): pressed with up to %.3f N, dented by up to %.2f mm, %.1f %% of "
-                    "its steps converged; at the end %.3f N on %.0f mm2, %.2f mm%s",
+                    "its steps converged; at the end %.3f N on %.0f mm2, %.2f mm%s%s",
                     o.name.c_str(), o.elements, o.peak_force_N, o.deepest_dent_mm, 100 * o.converged_share, o.force_N,
-                    o.area_mm2, o.dent_mm, o.converged ? "" : ", not converged"));
+                    o.area_mm2, o.dent_mm, o.converged ? "" : ", not converged", o.entered.c_str()));
     return out;
 }
 

@@ -169,9 +169,11 @@ TEST(Derivatives, DistanceOfEveryShape) {
     std::mt19937 random(4);
     std::uniform_real_distribution<double> u(-0.05, 0.05);
     const Pose<double> pose{{0.003, -0.002, 0.004}, normalised(Quaternion<double>{0.8, 0.3, -0.4, 0.2})};
-    for (const Shape& shape : {Shape{ShapeKind::plane, {}}, Shape{ShapeKind::box, {0.02, 0.015, 0.01}},
-                               Shape{ShapeKind::sphere, {0.02, 0, 0}}, Shape{ShapeKind::capsule, {0.012, 0.02, 0}},
-                               Shape{ShapeKind::cylinder, {0.015, 0.02, 0}}})
+    for (const Shape& shape :
+         {Shape{ShapeKind::plane, {}}, Shape{ShapeKind::box, {0.02, 0.015, 0.01}},
+          Shape{ShapeKind::sphere, {0.02, 0, 0}}, Shape{ShapeKind::capsule, {0.012, 0.02, 0}},
+          Shape{ShapeKind::cylinder, {0.015, 0.02, 0}}, Shape{ShapeKind::box, {0.02, 0.015, 0.01}, nullptr, 0.005},
+          Shape{ShapeKind::cylinder, {0.015, 0.02, 0}, nullptr, 0.007}})
         for (int trial = 0; trial < 500; ++trial) {
             const Numbers x{u(random), u(random), u(random)};
             auto at = [&](const Numbers& y) { return surface_point(shape, pose, Vec3<double>{y[0], y[1], y[2]}); };

@@ -90,6 +90,7 @@ struct SkinScratch {
     LaneArray<T> coupling_reach;  ///< [m; sine of half an angle] beyond which the first spring pulls no harder
     LaneArray<T> slot_kind;       ///< [slot] ShapeKind of the object; -1 where the lane has none
     LaneArray<T> slot_size;       ///< [slot][xyz] of its shape [m]
+    LaneArray<T> slot_round;      ///< [slot] radius of its shape's edges [m]
     LaneArray<T> slot_friction;   ///< [slot] Coulomb coefficient
     LaneArray<T> slot_stiffness;  ///< [slot] of an object that gives way [Pa/m]; 0: rigid
     LaneArray<T> slot_body;       ///< [slot] 1 where a body moves it, else 0
@@ -222,6 +223,7 @@ struct SkinChunk {
     bool has_soft_objects = false;
     bool keeps_matrix = false;  ///< Newton matrices are kept from step to step: blocks go with their fingers
     int shared_work = -1;       ///< memory that it takes turns with (WorkMemory); -1: it has its own
+    double edge_round = 0;      ///< edges of boxes and rims of cylinders are round for it with this radius [m]
     int own_frictions = 0;      ///< objects against which fingers have coefficients of their own; 0: they do not
     // Bits per lane (level_of_detail.cpp): what the step leaves out.
     unsigned asleep_lanes = 0;     ///< nothing is near, and nothing moves

@@ -212,6 +212,7 @@ void begin_slots(SkinChunk<T>& c, const SolverSettings& settings) {
             const std::size_t i = std::size_t(slot * W + lane);
             w.slot_kind[i] = T(here ? int(o.shape.kind) : -1);
             for (int d = 0; d < 3; ++d) w.slot_size[std::size_t((3 * slot + d) * W + lane)] = T(o.shape.size[d]);
+            w.slot_round[i] = T(o.shape.round);
             w.slot_friction[i] = T(o.friction);
             w.slot_stiffness[i] = T(o.stiffness);
             w.slot_body[i] = T(here && o.body >= 0);

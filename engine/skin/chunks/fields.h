@@ -138,6 +138,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.coupling_reach, Field{input, lane, 2});
     visit(w.slot_kind, Field{scratch, slot, 1});
     visit(w.slot_size, Field{scratch, slot, 3});
+    visit(w.slot_round, Field{scratch, slot, 1});
     visit(w.slot_friction, Field{scratch, slot, 1});
     visit(w.slot_stiffness, Field{scratch, slot, 1});
     visit(w.skin_normal, Field{scratch, lane, 3 * n.corners});

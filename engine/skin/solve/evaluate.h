@@ -119,6 +119,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const SkinTopology& t = *c.topology;
+    const R settled(T(c.edge_round > 0 ? fitted::settled_gap : -1));
     std::fill(c.scratch.sample_gradient.begin(), c.scratch.sample_gradient.end(), T(0));
     if constexpr (want != Want::forces)
         std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
@@ -129,11 +130,13 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             const SampleContact<R> contact =
                 sample_contact<R>(c, there, s, at_sample<R>(t, c.state.position.data(), s), exactness);
             const ContactTerms<R>& terms = contact.terms;
+            MaskOf<R> near = R(1) < R(0);
             if (!contact.idle) {
                 const R change = terms.normal_force - contact.state.normal_multiplier;
                 out.energy += terms.energy;
                 out.contact_force += terms.normal_force;
-                out.pending += change * change;
+                near = absolute(contact.surface.distance) <= settled;
+                out.pending += select(near, R(0), change * change);
                 const R depth =
                     there.any_soft ? select(there.soft, R(0), -contact.surface.distance) : -contact.surface.distance;
                 out.penetration = maximum(depth, out.penetration);
@@ -154,7 +157,7 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             if (there.rubs) {
                 const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
                 const R dr = there.friction * terms.normal_force - contact.state.friction_radius;
-                out.pending += dot(dt, dt) + dr * dr;
+                out.pending += dot(dt, dt) + select(near, R(0), dr * dr);
                 store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
                               transposed_times(there.rotation, terms.tangential));
                 // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.

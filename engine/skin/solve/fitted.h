@@ -44,6 +44,11 @@ inline constexpr double steady_share = 1e-3;
 /// without an iteration after it, is an integral that lags behind the body and drives it (`two_hands` on conforming
 /// fingers: at 1e-2 the box of one mesh of two comes to rest, at 3e-3 and 1e-3 that of all three that were tried).
 inline constexpr double steady_pending_share = 3e-3;
+/// Where samples between nodes hang on the same nodes as these, what each of them bears is not determined, and moves
+/// from one to another for hundreds of updates while forces are balanced and gaps are nanometres: of a soft object,
+/// what is nearer to an object than this [m] is not waited for (a box that slides on tissue, test
+/// `Soft.BodiesSlide...`).
+inline constexpr double settled_gap = 2e-8;
 /// One that is off by more than a tenth is too rough to be rendered.
 inline constexpr double rough_share = 0.1;
 /// Multiplier updates of a step, as a multiple of its Newton iterations.

@@ -16,6 +16,7 @@ struct Slot {
     MaskOf<R> here, soft, body;
     R friction;
     Vec3<R> size;
+    R round;
     Mat3<R> rotation;
     Vec3<R> position;
     const ScalarOf<R>* start = nullptr;  ///< rotation 3x3 and position at the start of the step: friction asks for them
@@ -47,6 +48,7 @@ inline Slot<R> read_slot(const SkinChunk<ScalarOf<R>>& c, int index) {
     s.body = load<R>(&w.slot_body[std::size_t(index) * W]) > R(T(0));
     s.friction = load<R>(&w.slot_friction[std::size_t(index) * W]);
     s.size = load_vec3<R>(&w.slot_size[3 * std::size_t(index) * W]);
+    s.round = load<R>(&w.slot_round[std::size_t(index) * W]);
     s.rotation = load_mat3<R>(frame);
     s.position = load_vec3<R>(frame + 9 * W);
     s.start = frame + 12 * W;
@@ -89,8 +91,9 @@ inline SurfacePoint<R> slot_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<
         const ShapeKind kind = ShapeKind(k);
         const SurfacePoint<R> p =
             kind == ShapeKind::mesh ? mesh_points<R>(c, slot.index, x)
-            : has_sides(kind) ? sided_point(kind, slot.size, x, load<R>(&c.state.contact_side[sample * lane_width<R>]))
-                              : primitive_point(kind, slot.size, x);
+            : has_sides(kind)
+                ? sided_point(kind, slot.size, slot.round, x, load<R>(&c.state.contact_side[sample * lane_width<R>]))
+                : primitive_point(kind, slot.size, x);
         if (slot.all_here && here == lanes.lanes) return p;
         const R of_lane = load<R>(&c.scratch.slot_kind[std::size_t(slot.index) * lane_width<R>]);
         const MaskOf<R> mine = absolute(of_lane - R(T(k))) < R(T(0.5));
