@@ -157,8 +157,8 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
 inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
 
 /// The same for a point on one side of a shape that has sides: 1, 2, 3 for the faces towards +x, +y, +z, negative for
-/// the others; 0: none; strict sides are 4, 5, 6; bridged along the next axis 7, 8, 9, along the one after it 10, 11, 12,
-/// along both 13, 14, 15. Edges are rounded with a radius.
+/// the others; 0: none; strict sides are 4, 5, 6; bridged along the next axis 7, 8, 9, along the one after it 10, 11,
+/// 12, along both 13, 14, 15. Edges are rounded with a radius.
 template <class R>
 inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const R& round, const Vec3<R>& x,
                                    const R& side) {
