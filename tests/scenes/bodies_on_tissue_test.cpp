@@ -53,7 +53,7 @@ TEST(Soft, BodiesSlideOnTissueAsCoulombSays) {
         EXPECT_NEAR(along, right, c.within * right) << c.body << c.elements;
         EXPECT_LT(std::abs(at.y), 0.05 * right) << c.body << c.elements;
         const Summary summary = summarise(s);
-        EXPECT_GT(summary.soft_objects.at(0).converged_share, 0.65) << c.body;
+        EXPECT_GT(summary.soft_objects.at(0).converged_share, 0.85) << c.body;
         EXPECT_TRUE(summary.soft_objects[0].entered.empty()) << c.body;
     }
 }

@@ -157,7 +157,8 @@ inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluati
             if (there.rubs) {
                 const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
                 const R dr = there.friction * terms.normal_force - contact.state.friction_radius;
-                out.pending += dot(dt, dt) + select(near, R(0), dr * dr);
+                const R walks = settled * load<R>(&c.rest.contact_penalty[s * W]), slip = dot(dt, dt);
+                out.pending += select(near & (slip <= walks * walks), R(0), slip) + select(near, R(0), dr * dr);
                 store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
                               transposed_times(there.rotation, terms.tangential));
                 // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.

@@ -46,8 +46,8 @@ inline constexpr double steady_share = 1e-3;
 inline constexpr double steady_pending_share = 3e-3;
 /// Where samples between nodes hang on the same nodes as these, what each of them bears is not determined, and moves
 /// from one to another for hundreds of updates while forces are balanced and gaps are nanometres: of a soft object,
-/// what is nearer to an object than this [m] is not waited for (a box that slides on tissue, test
-/// `Soft.BodiesSlide...`).
+/// what is nearer to an object than this [m] is not waited for, nor is friction that walks with it (a box that slides
+/// on tissue, test `Soft.BodiesSlide...`).
 inline constexpr double settled_gap = 2e-8;
 /// One that is off by more than a tenth is too rough to be rendered.
 inline constexpr double rough_share = 0.1;
