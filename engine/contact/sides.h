@@ -41,9 +41,12 @@ inline int side_of_surface(const Shape& shape, const Vec3<double>& x, const Vec3
             if (std::abs(outward[i]) > std::abs(outward[axis])) axis = i;
     const int towards = outward[axis] < 0 ? 1 : -1, face = towards * (axis + 1);
     if (side != 0 && side != face) return side;
-    const double half = shape.kind == ShapeKind::cylinder ? shape.size.y : shape.size[axis];
+    const bool disc = shape.kind == ShapeKind::cylinder;
+    const double half = disc ? shape.size.y : shape.size[axis];
+    // What may come over all of the face in one step may as well come in beside it.
+    const double across = disc ? shape.size.x : std::min(shape.size[(axis + 1) % 3], shape.size[(axis + 2) % 3]);
     const bool looks = std::abs(outward[axis]) > fitted::looks_at_face, on = towards * x[axis] > half - fitted::on_face;
-    return looks && on ? add_to_side(face, strict_side) : side;
+    return looks && on && travel < across ? add_to_side(face, strict_side) : side;
 }
 
 /// A strict side, bridged where something level with it goes on beyond its rim, next to a point that may come there in
