@@ -166,7 +166,7 @@ DeviceModel chain_model(Section& s, const Chain& chain) {
     return model;
 }
 
-/// Lengths of a kind, by the names that `palpate device KIND` shows; every kind has its own.
+/// Lengths of a kind, by the names that `palpate kinematics KIND` shows; every kind has its own.
 void read_geometry(Section s, DeviceModel& model) {
     std::vector<std::string> known;
     for (const std::string& name : kind_names()) {
@@ -178,7 +178,7 @@ void read_geometry(Section s, DeviceModel& model) {
             known.push_back(length);
             double value = defaults.geometry[i];
             s.number(length, value, unit::mm, {0.01, 499},
-                     "A length of the kinds that have it; see `palpate device KIND`.");
+                     "A length of the kinds that have it; see `palpate kinematics KIND`.");
             const auto& own = model.kind->geometry_names;
             const auto it = std::find(own.begin(), own.end(), length);
             if (!s.has(length)) continue;

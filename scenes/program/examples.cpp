@@ -56,7 +56,7 @@ constexpr std::array examples{
     Examples{"pressure",
              "palpate pressure maps/*.csv --first-cell 1,12 --angle 0,15,30    # which of these fits best\n"
              "palpate pressure maps/*.csv --first-cell 1,12 --finger mine.toml --out mine"},
-    Examples{"calibrate", "palpate calibrate data.csv --finger index-median --fit young_kPa,low --out mine.toml"},
+    Examples{"fit", "palpate fit data.csv --finger index-median --fit young_kPa,low --out mine.toml"},
     Examples{"tracker",
              "palpate tracker ultraleap --seconds 10 --record hand.jsonl\n"
              "palpate tracker scenes/pinch.jsonl --pinch thumb,index --scene scenes/recorded_hand.toml"},
@@ -65,12 +65,12 @@ constexpr std::array examples{
              "palpate keys\n"
              "palpate keys finger.device\n"
              "palpate keys --json-schema > scene.schema.json"},
-    Examples{"device",
-             "palpate device chinello-3rrs --pose 8,-12,23.5\n"
-             "palpate device serial-5dof --workspace"},
-    Examples{"devices",
-             "palpate devices\n"
-             "palpate devices --timing 10"},
+    Examples{"kinematics",
+             "palpate kinematics chinello-3rrs --pose 8,-12,23.5\n"
+             "palpate kinematics serial-5dof --workspace"},
+    Examples{"boards",
+             "palpate boards\n"
+             "palpate boards --timing 10"},
     Examples{"doctor", "palpate doctor scenes/hand.toml --mend"},
     Examples{"calibrate-thimble", "palpate calibrate-thimble mine.toml --finger index --out index.toml"},
     Examples{"jog", "palpate jog mine.toml --finger index"},

@@ -93,12 +93,12 @@ int run_program(int argc, char** argv) {
     actions["mesh"] = palpate::add_mesh_command(commands);
     actions["indent"] = palpate::add_indent_command(commands);
     actions["pressure"] = palpate::add_pressure_command(commands);
-    actions["calibrate"] = palpate::add_calibrate_command(commands, stop_requested);
+    actions["fit"] = palpate::add_fit_command(commands, stop_requested);
     actions["tracker"] = palpate::add_tracker_command(commands, stop_requested);
     actions["emulate-tracker"] = palpate::add_emulate_tracker_command(commands, stop_requested);
     actions["keys"] = palpate::add_keys_command(commands);
-    actions["device"] = palpate::add_device_command(commands);
-    actions["devices"] = palpate::add_devices_command(commands);
+    actions["kinematics"] = palpate::add_kinematics_command(commands);
+    actions["boards"] = palpate::add_boards_command(commands);
     actions["doctor"] = palpate::add_doctor_command(commands);
     actions["calibrate-thimble"] = palpate::add_calibrate_thimble_command(commands, stop_requested);
     actions["jog"] = palpate::add_jog_command(commands, stop_requested);

@@ -57,6 +57,11 @@ Command Command::subcommand(const std::string& name, const std::string& descript
     return Command(app_->add_subcommand(name, description));
 }
 
+Command Command::formerly(const std::string& name) const {
+    app_->alias(name);
+    return *this;
+}
+
 Option Command::option(const std::string& name, std::string& value, const std::string& description) const {
     return Option(app_->add_option(name, value, description));
 }

@@ -37,6 +37,8 @@ class Command {
     explicit Command(CLI::App* app) : app_(app) {}
     const CLI::App& app() const { return *app_; }
     Command subcommand(const std::string& name, const std::string& description) const;
+    /// Its name of before, which still works.
+    Command formerly(const std::string& name) const;
     /// "--name" is optional, "name" is a positional argument; the value given before stays where there is none.
     Option option(const std::string& name, std::string& value, const std::string& description) const;
     Option option(const std::string& name, int& value, const std::string& description) const;

@@ -22,7 +22,7 @@ cd /tmp || exit 1
 /bin/maestro-gadget /tmp/ffs $g/UDC dummy_udc.0 /tmp/wire $($busybox cat /tmp/plan) &
 n=0
 while ! $busybox ls /dev/bus/usb/001/002 > /dev/null 2>&1 && [ $n -lt 100 ]; do $busybox sleep 0.1; n=$((n + 1)); done
-/bin/palpate devices
+/bin/palpate boards
 /bin/palpate run scene.toml --arm --out /tmp/results 2>&1
 echo "EXIT $?"
 echo "WIRE BEGIN"

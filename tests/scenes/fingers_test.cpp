@@ -470,8 +470,8 @@ TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     ASSERT_EQ(indented.code, 0) << indented.out;
     EXPECT_NEAR(nlohmann::json::parse(indented.out)[1]["angle_deg"], 30.0, 1e-12);
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "indent.svg"));
-    const auto fitted = palpate_program("calibrate " + at + "/indent.csv --fit young_kPa --starts 1 --quiet --out " +
-                                        at + "/mine.toml --elements 200");
+    const auto fitted = palpate_program("fit " + at + "/indent.csv --fit young_kPa --starts 1 --quiet --out " + at +
+                                        "/mine.toml --elements 200");
     ASSERT_EQ(fitted.code, 0) << fitted.out;
     EXPECT_NE(fitted.out.find("young_kPa"), std::string::npos);
     std::ofstream(scratch.path / "scene.toml")
@@ -481,8 +481,8 @@ TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     EXPECT_EQ(run.code, 0) << run.out;
     EXPECT_EQ(palpate_program("indent toe").code, 2);
     EXPECT_EQ(palpate_program("indent index --finger-of-scene thumb").code, 2);
-    EXPECT_EQ(palpate_program("calibrate " + at + "/none.csv").code, 2);
-    EXPECT_EQ(palpate_program("calibrate " + at + "/indent.csv --fit toes --quiet").code, 2);
+    EXPECT_EQ(palpate_program("fit " + at + "/none.csv").code, 2);
+    EXPECT_EQ(palpate_program("fit " + at + "/indent.csv --fit toes --quiet").code, 2);
 }
 
 }  // namespace

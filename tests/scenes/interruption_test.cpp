@@ -69,10 +69,10 @@ TEST(Interruption, WhatIsLeftSaysSo) {
     csv << "force_N,displacement_mm\n";
     for (int k = 1; k <= 12; ++k) csv << 0.1 * k * k / 4 << "," << 0.2 * k << "\n";
     csv.close();
-    const Outcome fit = interrupted(
-        "INT", 4,
-        "calibrate " + here + "data.csv --fit young_kPa --elements 260 --starts 100 --iterations 1000 --out " + here +
-            "fitted.toml --json");
+    const Outcome fit =
+        interrupted("INT", 4,
+                    "fit " + here + "data.csv --fit young_kPa --elements 260 --starts 100 --iterations 1000 --out " +
+                        here + "fitted.toml --json");
     EXPECT_EQ(fit.code, 130) << fit.out;
     if (std::filesystem::exists(here + "fitted.toml")) {  // a slow machine was still meshing
         const std::string text = read_file(here + "fitted.toml");

@@ -66,9 +66,9 @@ TEST(Program, BadInputIsExitCodeTwoWithAMessageAndNoOutput) {
     for (const std::string& arguments :
          {"run " + bad.string() + " --out " + out.string(), "run absent.toml --out " + out.string(),
           "run " + scenes + "press.toml --set dt_ms=1e9 --out " + out.string(), std::string("run"), std::string("fly"),
-          "mesh absent.obj --out " + out.string(), std::string("mesh toe"), std::string("device stewart"),
-          std::string("device chinello-3rrs --pose 1,2"), std::string("device chinello-3rrs --pose 1,x,3"),
-          std::string("device chinello-3rrs --pose 0,0,9999"), "compare " + bad.string() + " --out " + out.string(),
+          "mesh absent.obj --out " + out.string(), std::string("mesh toe"), std::string("kinematics stewart"),
+          std::string("kinematics chinello-3rrs --pose 1,2"), std::string("kinematics chinello-3rrs --pose 1,x,3"),
+          std::string("kinematics chinello-3rrs --pose 0,0,9999"), "compare " + bad.string() + " --out " + out.string(),
           "explain " + bad.string(), "run " + scenes + "press.toml --threads 0"}) {
         const Outcome o = palpate_program(arguments);
         EXPECT_EQ(o.code, 2) << arguments << "\n" << o.out;
@@ -79,15 +79,15 @@ TEST(Program, BadInputIsExitCodeTwoWithAMessageAndNoOutput) {
 }
 
 TEST(Program, DevicePrintsTheKnownPose) {
-    const auto j = nlohmann::json::parse(palpate_program("device chinello-3rrs --pose 8,-12,23.5 --json").out);
+    const auto j = nlohmann::json::parse(palpate_program("kinematics chinello-3rrs --pose 8,-12,23.5 --json").out);
     EXPECT_NEAR(j["q_rad"][0].get<double>(), -0.402154095, 1e-8);
     EXPECT_NEAR(j["p_mm"][1].get<double>(), 0.291107405, 1e-8);
     EXPECT_NEAR(j["n"][2].get<double>(), -0.968628336, 1e-8);
     EXPECT_EQ(j["dq_dw"].size(), 3u);
     EXPECT_TRUE(j["inside"].get<bool>());
-    const auto flat = nlohmann::json::parse(palpate_program("device chinello-3rrs --pose 0,0,24 --json").out);
+    const auto flat = nlohmann::json::parse(palpate_program("kinematics chinello-3rrs --pose 0,0,24 --json").out);
     EXPECT_NEAR(flat["dq_dw"][1][2].get<double>(), 0.098550109, 1e-8);
-    const auto w = nlohmann::json::parse(palpate_program("device chinello-3rrs --workspace --json").out);
+    const auto w = nlohmann::json::parse(palpate_program("kinematics chinello-3rrs --workspace --json").out);
     EXPECT_NEAR(w["dz_min_mm"].get<double>(), 19.05, 0.01);
     EXPECT_NEAR(w["dz_max_mm"].get<double>(), 30.60, 0.01);
 }

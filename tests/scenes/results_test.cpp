@@ -250,7 +250,7 @@ TEST(Program, OutputThatCannotBeWrittenIsSaid) {
     const std::string says = "standard output: No space left on device";
     for (const std::string& command :
          {std::string("keys --json-schema"), run + " --json", run + " --stream -", run, std::string("man"),
-          std::string("completion bash"), std::string("device chinello-3rrs --json"),
+          std::string("completion bash"), std::string("kinematics chinello-3rrs --json"),
           "explain " + scenes + "press.toml", std::string("--version"), std::string("run --help")}) {
         const auto o = testing::shell("(" + testing::program_path() + " " + command + " > /dev/full)");
         EXPECT_EQ(o.code, 1) << command << "\n" << o.out;

@@ -1,4 +1,4 @@
-// `palpate devices`, `palpate doctor`, `palpate home`: what controllers there are, what is wrong with them, and the way
+// `palpate boards`, `palpate doctor`, `palpate home`: what controllers there are, what is wrong with them, and the way
 // back to the rest pose.
 
 #include <unistd.h>
@@ -117,12 +117,12 @@ void examine_use(const Scene& scene, const std::vector<maestro::BoardInfo>& boar
             if (b.channels > 0 && (d.serial.empty() || b.serial == d.serial)) board = &b, ++fitting;
         if (fitting == 0) {
             say(wrong, finger + ": its board" + (d.serial.empty() ? "" : " " + d.serial) + " is not on USB",
-                "plug it in; `palpate devices` lists what is there");
+                "plug it in; `palpate boards` lists what is there");
             continue;
         }
         if (fitting > 1) {
             say(wrong, finger + ": " + std::to_string(fitting) + " boards are on USB, and the scene does not say which",
-                "device = { serial = \"...\", ... }; `palpate devices` lists the serial numbers");
+                "device = { serial = \"...\", ... }; `palpate boards` lists the serial numbers");
             continue;
         }
         for (std::size_t j = 0; j < d.channels.size(); ++j) {
@@ -256,8 +256,8 @@ int go_home(const std::string& file, const std::vector<std::string>& overrides, 
 
 }  // namespace
 
-Action add_devices_command(const Command& program) {
-    const Command c = program.subcommand("devices", "list servo controllers on USB");
+Action add_boards_command(const Command& program) {
+    const Command c = program.subcommand("boards", "list servo controllers on USB").formerly("devices");
     auto scene = std::make_shared<std::string>();
     auto json = std::make_shared<bool>(false);
     c.scene("scene", *scene, "say which of this scene's fingers they drive");

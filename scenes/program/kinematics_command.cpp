@@ -156,8 +156,8 @@ int show_device(const DeviceArguments& a) {
 
 }  // namespace
 
-Action add_device_command(const Command& program) {
-    const Command c = program.subcommand("device", "kinematics of a device kind");
+Action add_kinematics_command(const Command& program) {
+    const Command c = program.subcommand("kinematics", "kinematics of a device kind").formerly("device");
     auto a = std::make_shared<DeviceArguments>();
     c.option("kind", a->kind, "device kind").required().among(kind_names());
     c.option("--pose", a->pose, "configuration, for example 8,-12,23.5 (degrees, degrees, mm); default: rest");

@@ -114,7 +114,7 @@ int run_calibrate(const CalibrateArguments& a, const std::atomic<bool>& stop) {
     FingerModel model = c.model;
     model.title =
         (start.title.empty() ? a.source.name : start.title) + (interrupted ? ", fit interrupted" : ", fitted");
-    model.source = "palpate calibrate " + a.data;
+    model.source = "palpate fit " + a.data;
     write_finger_file(a.out, model, lines);
     const std::string plot = a.plot.empty() ? std::filesystem::path(a.out).replace_extension(".svg").string() : a.plot;
     draw(plot, c, data);
@@ -129,8 +129,9 @@ int run_calibrate(const CalibrateArguments& a, const std::atomic<bool>& stop) {
 
 }  // namespace
 
-Action add_calibrate_command(const Command& program, const std::atomic<bool>& stop) {
-    const Command c = program.subcommand("calibrate", "fit a finger to measured force, displacement and contact area");
+Action add_fit_command(const Command& program, const std::atomic<bool>& stop) {
+    const Command c = program.subcommand("fit", "fit a finger to measured force, displacement and contact area")
+                          .formerly("calibrate");
     auto a = std::make_shared<CalibrateArguments>();
     c.option("data", a->data,
              "CSV: force_N, displacement_mm and/or area_mm2, angle_deg (other units: scenes/README.md)")
