@@ -327,18 +327,21 @@ TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     }
 }
 
-/// Fingers without limits on an edge give way to one side or the other (float to another than double, turned to another
-/// than not), and so they do when they begin a micrometre aside: that is said, and is no law that is broken.
-TEST(Stress, AScenesSeveralAnswersAreToldFromABrokenLaw) {
+/// Fingers without limits on an edge gave way to one side or the other (float to another than double, turned to another
+/// than not), which is told from a broken law by what they do from a micrometre aside. Since skin leaves a box by the
+/// face that it looks at, they have one answer.
+TEST(Stress, WhereFingersOnAnEdgeHadSeveralAnswersTheyHaveOne) {
     const ScratchFolder folder;
-    RandomTrials trials;
-    trials.first_seed = 1200507, trials.count = 1, trials.shrink = false, trials.thorough = true;
-    trials.folder = folder.path;
-    const std::atomic<bool> stop = false;
-    try_random_scenes(trials, stop, [&](const RandomTrial& t) {
-        EXPECT_TRUE(t.violations.empty()) << t.violations[0].found;
-        EXPECT_TRUE(t.several_answers);
-    });
+    for (const unsigned seed : {1101855u, 1200507u}) {
+        RandomTrials trials;
+        trials.first_seed = seed, trials.count = 1, trials.shrink = false, trials.thorough = true;
+        trials.folder = folder.path;
+        const std::atomic<bool> stop = false;
+        try_random_scenes(trials, stop, [&](const RandomTrial& t) {
+            EXPECT_TRUE(t.violations.empty()) << t.violations[0].found;
+            EXPECT_FALSE(t.several_answers) << seed;
+        });
+    }
 }
 
 /// A scene that takes nine seconds of a core is said to have no end within one.
