@@ -25,7 +25,8 @@ std::vector<std::string> commands() {
     std::vector<std::string> names;
     bool there = false;
     for (std::string line; std::getline(all, line);) {
-        if (there && line.starts_with("  ") && line[2] != ' ') names.push_back(line.substr(2, line.find_first_of(" ,", 2) - 2));
+        if (there && line.starts_with("  ") && line[2] != ' ')
+            names.push_back(line.substr(2, line.find_first_of(" ,", 2) - 2));
         there = there || line == "Subcommands:";
     }
     return names;
