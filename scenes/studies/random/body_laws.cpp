@@ -132,7 +132,7 @@ void check_flight(Watched& v, Findings& found) {
         const std::string& name = w.shapes[std::size_t(now.object)].name;
         if (speed > left + 1e-9 * fall || aside > dt * left + 1e-9 * (norm(now.centre.position) + 1e-3))
             found.add("what nothing touches falls freely",
-                      law_text("%.4f s: %s: %.3g m/s faster than gravity makes it, %.3g mm beside its aside", w.time,
+                      law_text("%.4f s: %s: %.3g m/s faster than gravity makes it, %.3g mm beside its way", w.time,
                                name.c_str(), speed, 1e3 * aside));
         if (spin > b.mass * b.size * left + 1e-9 * norm(before.angular_momentum))
             found.add("what nothing touches keeps its angular momentum",
