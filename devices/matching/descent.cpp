@@ -4,6 +4,7 @@
 
 #include "devices/matching/fitted.h"
 #include "devices/matching/least_squares.h"
+#include "devices/matching/small_systems.h"
 
 namespace palpate {
 
@@ -80,9 +81,10 @@ Descent descend_from_the_sides(const DeviceModel& model, const std::vector<Match
     J << platform.dcentre, lever * platform.dnormal;
     const Coordinates& scale = model.kind->configuration_scale;
     const auto J_scaled = (J * scale.asDiagonal()).eval();
-    DeviceJacobian normal_matrix = J_scaled.transpose() * J_scaled;
+    DeviceJacobian normal_matrix = J_scaled.transpose().lazyProduct(J_scaled);
     normal_matrix.diagonal().array() += 1e-9 * normal_matrix.diagonal().maxCoeff();
-    const Eigen::LDLT<DeviceJacobian> factor(normal_matrix);
+    const SmallCholesky factor(normal_matrix);
+    if (factor.n == 0) return best;
     const Eigen::Vector3d axis = platform.normal.unitOrthogonal(), other = platform.normal.cross(axis);
     // A few steps from each, and more from the best where it promises something.
     MatchingSettings rough = settings;
@@ -94,8 +96,10 @@ Descent descend_from_the_sides(const DeviceModel& model, const std::vector<Match
             centre + 0.9 * model.disk_radius * (std::cos(phi) * axis + std::sin(phi) * other) - platform.centre;
         Eigen::Matrix<double, 6, 1> slide;
         slide << wanted, Eigen::Vector3d::Zero();
-        const Coordinates d = scale.cwiseProduct(Coordinates(factor.solve(J_scaled.transpose() * slide)));
-        if ((J * d - slide).norm() > 0.01 * slide.norm()) return best;  // it cannot slide
+        Coordinates d = J_scaled.transpose().lazyProduct(slide);
+        factor.solve(d.data());
+        d.array() *= scale.array();
+        if ((J.lazyProduct(d) - slide).norm() > 0.01 * slide.norm()) return best;  // it cannot slide
         const Coordinates w = move_inside_limits(model, found.w, d);
         const int evaluations = best.evaluations;
         const Descent e = descend(model, near_samples(model, points, settings, w), rough, previous, w);

@@ -3,38 +3,15 @@
 #include <array>
 #include <cmath>
 
+#include "devices/matching/small_systems.h"
+
 namespace palpate {
 
 namespace {
 
-/// L of H = L L', for the few unknowns that a device has; false where H is not positive definite.
-struct SmallCholesky {
-    double L[max_device_dimension][max_device_dimension];
-    int n;
-    explicit SmallCholesky(const DeviceJacobian& H) : n(int(H.rows())) {
-        for (int i = 0; i < n; ++i)
-            for (int j = 0; j <= i; ++j) {
-                double sum = H(i, j);
-                for (int k = 0; k < j; ++k) sum -= L[i][k] * L[j][k];
-                if (i == j && !(sum > 0)) n = 0;
-                L[i][j] = i == j ? std::sqrt(sum) : sum / L[j][j];
-            }
-    }
-    void solve(double* x) const {
-        for (int i = 0; i < n; ++i) {
-            for (int k = 0; k < i; ++k) x[i] -= L[i][k] * x[k];
-            x[i] /= L[i][i];
-        }
-        for (int i = n; i-- > 0;) {
-            for (int k = i + 1; k < n; ++k) x[i] -= L[k][i] * x[k];
-            x[i] /= L[i][i];
-        }
-    }
-};
-
 /// Whether the step keeps every joint, and the configuration, inside its limits as they are linearised.
 bool stays_inside(const DeviceModel& model, const Coordinates& w, const Joints& joints, const Coordinates& d) {
-    const Coordinates q = joints.q + joints.dq * d, moved = w + d;
+    const Coordinates q = joints.q + joints.dq.lazyProduct(d), moved = w + d;
     if (!((q - model.joint_min).minCoeff() >= 0 && (model.joint_max - q).minCoeff() >= 0)) return false;
     const DeviceKind& kind = *model.kind;
     return kind.open_chain ||
@@ -105,7 +82,7 @@ bool configuration_of(const DeviceModel& model, const Coordinates& q, Coordinate
         const Joints joints = kind.joints(model, w);
         const Coordinates r = q - joints.q;
         if (r.cwiseAbs().maxCoeff() < 1e-12) return true;
-        Coordinates d = joints.dq.partialPivLu().solve(r);
+        Coordinates d = solve_square(joints.dq, r);
         if (!d.allFinite()) return false;
         const double far = d.cwiseQuotient(kind.configuration_scale).cwiseAbs().maxCoeff();
         if (far > 1) d /= far;

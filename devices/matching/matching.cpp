@@ -7,6 +7,7 @@
 #include "devices/matching/fitted.h"
 #include "devices/matching/least_squares.h"
 #include "devices/matching/slsqp.h"
+#include "devices/matching/small_systems.h"
 
 namespace palpate {
 
@@ -140,12 +141,16 @@ MatchingResult match_plane(const DeviceModel& model, const std::vector<MatchingP
         constexpr double lever = fitted::plane_lever;
         Eigen::Matrix<double, 4, Eigen::Dynamic, 0, 4, max_device_dimension> J(4, w.size());
         J.topRows<3>() = platform.dnormal;
-        J.row(3) = lever * normal.transpose() * platform.dcentre;
+        J.row(3) = lever * normal.transpose().lazyProduct(platform.dcentre);
         Eigen::Vector4d r;
         r << platform.normal - normal, lever * normal.dot(platform.centre - centre);
-        DeviceJacobian H = J.transpose() * J;
-        H.diagonal().array() += 1e-12;
-        w -= Coordinates(H.ldlt().solve(J.transpose() * r));
+        DeviceJacobian H = J.transpose().lazyProduct(J);
+        H.diagonal().array() += 1e-12 * std::max(1.0, H.trace());
+        Coordinates step = J.transpose().lazyProduct(r);
+        const SmallCholesky factor(H);
+        if (factor.n == 0) break;
+        factor.solve(step.data());
+        w -= step;
         w = w.cwiseMax(box.low).cwiseMin(box.high);
     }
     return finish(model, points, settings, start, project_to_workspace(model, w), MatchingStatus::matched, 1);

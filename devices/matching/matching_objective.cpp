@@ -101,8 +101,8 @@ double smoothing_weight(const MatchingSettings& settings) { return settings.smoo
 Coordinates device_gradient(const DeviceModel& model, const PlatformSums& sums, const Platform& platform,
                             const MatchingSettings& settings, const Coordinates& previous, const Coordinates& w,
                             double& value) {
-    Coordinates gradient = mm2 * (platform.dcentre.transpose() * sums.gradient.head<3>() +
-                                  platform.dnormal.transpose() * sums.gradient.tail<3>());
+    Coordinates gradient = mm2 * (platform.dcentre.transpose().lazyProduct(sums.gradient.head<3>()) +
+                                  platform.dnormal.transpose().lazyProduct(sums.gradient.tail<3>()));
     const Coordinates& scale = model.kind->configuration_scale;
     const Coordinates d = (w - previous).cwiseQuotient(scale);
     gradient += smoothing_weight(settings) * d.cwiseQuotient(scale);
@@ -149,7 +149,8 @@ MatchingResiduals matching_residuals(const DeviceModel& model, const NearSamples
     Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, max_device_dimension> J(6, w.size());
     J << platform.dcentre, platform.dnormal;
     sums.hessian.triangularView<Eigen::StrictlyUpper>() = sums.hessian.transpose();
-    r.hessian = mm2 * (J.transpose() * sums.hessian * J);
+    const DeviceJacobian half = sums.hessian.lazyProduct(J);
+    r.hessian = mm2 * J.transpose().lazyProduct(half);
     r.hessian.diagonal() += smoothing_weight(settings) * model.kind->configuration_scale.cwiseAbs2().cwiseInverse();
     return r;
 }

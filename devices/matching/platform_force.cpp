@@ -3,14 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "devices/matching/small_systems.h"
+
 namespace palpate {
 
 Coordinates torques_for_force(const DeviceModel& model, const Coordinates& w, double force) {
     const Platform platform = model.kind->platform(model, w);
     const Joints joints = model.kind->joints(model, w);
-    const Coordinates along_w = platform.dcentre.transpose() * (force * platform.normal);
+    const Coordinates along_w = platform.dcentre.transpose().lazyProduct(force * platform.normal);
     // dq' torque = dcentre' n force.
-    return joints.dq.transpose().fullPivLu().solve(along_w);
+    return solve_square(joints.dq.transpose(), along_w);
 }
 
 Coordinates pressed_on(const DeviceModel& model, const Coordinates& w, double distance) {
@@ -23,11 +25,15 @@ Coordinates pressed_on(const DeviceModel& model, const Coordinates& w, double di
     wanted.head<3>() = distance * platform.normal;
     // Damped in the scale of each component: a chain may be singular, and is then to stay where it is.
     const Coordinates scale = model.kind->configuration_scale;
-    const DeviceJacobian S = scale.asDiagonal();
-    DeviceJacobian normal = S * (ways.transpose() * ways) * S;
+    const auto S = scale.asDiagonal();
+    DeviceJacobian normal = ways.transpose().lazyProduct(ways);
+    normal = S * normal * S;
     normal.diagonal().array() += 1e-9 * std::max(normal.trace(), 1e-12);
-    const Coordinates step = scale.cwiseProduct(normal.ldlt().solve(S * (ways.transpose() * wanted)));
-    if (!step.allFinite()) return w;
+    const SmallCholesky factor(normal);
+    Coordinates step = S * ways.transpose().lazyProduct(wanted);
+    factor.solve(step.data());
+    step = S * step;
+    if (factor.n == 0 || !step.allFinite()) return w;
     double share = 1;
     for (int k = 0; k < 20 && !inside_workspace(model, w + share * step, 1e-9); ++k) share *= 0.7;
     const Coordinates there = w + share * step;

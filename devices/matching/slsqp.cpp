@@ -4,6 +4,8 @@
 
 #include <memory>
 
+#include "devices/matching/small_systems.h"
+
 namespace palpate {
 
 namespace {
@@ -20,7 +22,7 @@ struct Search {
 };
 
 Coordinates configuration(const Search& s, const double* v) {
-    return s.origin + s.basis * Eigen::Map<const Coordinates>(v, s.origin.size());
+    return s.origin + s.basis.lazyProduct(Eigen::Map<const Coordinates>(v, s.origin.size()));
 }
 
 const Joints& joints_at(Search& s, const Coordinates& w) {
@@ -57,7 +59,7 @@ double objective_callback(unsigned n, const double* v, double* gradient, void* d
         return HUGE_VAL;
     }
     offer(s, w, f.value);
-    if (gradient) Eigen::Map<Coordinates>(gradient, n) = s.basis.transpose() * f.gradient;
+    if (gradient) Eigen::Map<Coordinates>(gradient, n) = s.basis.transpose().lazyProduct(f.gradient);
     return f.value;
 }
 
@@ -68,7 +70,7 @@ void constraint_callback(unsigned m, double* result, unsigned n, const double* v
     const auto margins = joint_margins(*s.problem.model, joints.q);
     for (unsigned i = 0; i < m; ++i) result[i] = -margins[i];
     if (!gradient) return;
-    const DeviceJacobian dq = joints.dq * s.basis;
+    const DeviceJacobian dq = joints.dq.lazyProduct(s.basis);
     const unsigned half = m / 2;
     for (unsigned i = 0; i < m; ++i)
         for (unsigned k = 0; k < n; ++k) gradient[i * n + k] = (i < half ? -1 : 1) * dq(i % half, k);
@@ -76,12 +78,15 @@ void constraint_callback(unsigned m, double* result, unsigned n, const double* v
 
 /// S L^-T with S the typical sizes and L L' the Hessian in units of them; what the samples leave free keeps its size.
 DeviceJacobian natural_basis(const SlsqpProblem& p, const Coordinates& start) {
-    const DeviceJacobian S = DeviceJacobian(p.model->kind->configuration_scale.asDiagonal());
-    DeviceJacobian H = 2 * (S * matching_residuals(*p.model, *p.samples, *p.settings, p.previous, start).hessian * S);
+    const auto S = p.model->kind->configuration_scale.asDiagonal();
+    DeviceJacobian H = matching_residuals(*p.model, *p.samples, *p.settings, p.previous, start).hessian;
+    H = 2 * (S * H * S);
     H.diagonal().array() += 1e-6 + 1e-3 * H.diagonal().maxCoeff();
-    const Eigen::LLT<DeviceJacobian> factor(H);
-    if (!H.allFinite() || factor.info() != Eigen::Success) return S;
-    return S * DeviceJacobian(factor.matrixU().solve(DeviceJacobian::Identity(S.rows(), S.cols())));
+    const SmallCholesky factor(H);
+    DeviceJacobian basis = DeviceJacobian::Identity(H.rows(), H.cols());
+    if (H.allFinite() && factor.n != 0)
+        for (std::ptrdiff_t k = 0; k < basis.cols(); ++k) factor.solve_transposed(basis.col(k).data());
+    return S * basis;
 }
 
 }  // namespace

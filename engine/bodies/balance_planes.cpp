@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "engine/bodies/islands.h"
-#include "engine/bodies/solve_definite.h"
+#include "engine/math/solve_definite.h"
 
 namespace palpate {
 

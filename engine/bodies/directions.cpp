@@ -8,7 +8,7 @@
 
 #include "engine/bodies/pair_ends.h"
 #include "engine/bodies/soft_contact.h"
-#include "engine/bodies/solve_definite.h"
+#include "engine/math/solve_definite.h"
 #include "engine/skin/solve/newton.h"
 
 namespace palpate {

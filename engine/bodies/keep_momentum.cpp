@@ -8,7 +8,7 @@
 
 #include "engine/bodies/islands.h"
 #include "engine/bodies/pair_ends.h"
-#include "engine/bodies/solve_definite.h"
+#include "engine/math/solve_definite.h"
 
 namespace palpate {
 

@@ -82,8 +82,8 @@ Coordinates gauss_newton(ForceMatcher& m, const DeviceModel& model, const Matchi
     }
     DeviceJacobian H(n, n);
     Coordinates g(n);
-    H.noalias() = m.weighted.transpose() * m.jacobian;
-    g.noalias() = m.weighted.transpose() * m.residual;
+    H = m.weighted.transpose().lazyProduct(m.jacobian);
+    g = m.weighted.transpose().lazyProduct(m.residual);
     // What no force tells stays as it is.
     const double level = std::max(1e-12, H.diagonal().maxCoeff());
     H.diagonal().array() += damping * level + 1e-6 * m.wanted.squaredNorm();

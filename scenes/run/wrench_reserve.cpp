@@ -1,9 +1,10 @@
 #include "scenes/run/wrench_reserve.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+
+#include "devices/matching/small_systems.h"
 
 namespace palpate {
 
@@ -12,13 +13,13 @@ namespace {
 Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
 // Of at most six components: products are plain loops, not Eigen's for large matrices.
-using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
+using Vector = Coordinates;
+using Matrix = DeviceJacobian;
 
 /// A disc of the Minkowski sum: how its sample moves with the kept components.
 struct Disc {
     double limit;
-    Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 6> map;
+    PointJacobian map;
 };
 
 struct Support {
@@ -31,12 +32,13 @@ struct Support {
 Support support(const std::vector<Disc>& discs, const Vector& now, const Vector& u, double blur) {
     Support s{-now.dot(u), -now, Matrix::Zero(u.size(), u.size())};
     for (const Disc& disc : discs) {
-        const Eigen::Vector3d v = disc.map * u;
+        const Eigen::Vector3d v = disc.map.lazyProduct(u);
         const double length = std::sqrt(v.squaredNorm() + blur * blur);
         s.value += disc.limit * length;
-        s.gradient += disc.limit / length * disc.map.transpose() * v;
+        s.gradient += disc.limit / length * disc.map.transpose().lazyProduct(v);
         const Eigen::Matrix3d K = Eigen::Matrix3d::Identity() - v * v.transpose() / (length * length);
-        s.curvature += disc.limit / length * disc.map.transpose() * K * disc.map;
+        const PointJacobian turned = K.lazyProduct(disc.map);
+        s.curvature += disc.limit / length * disc.map.transpose().lazyProduct(turned);
     }
     return s;
 }
@@ -46,7 +48,8 @@ Support support(const std::vector<Disc>& discs, const Vector& now, const Vector&
 Matrix normal_to(const Vector& d) {
     Vector v = d;
     v[0] += d[0] < 0 ? -1 : 1;
-    const Matrix reflection = Matrix::Identity(d.size(), d.size()) - v * (2 / v.squaredNorm() * v.transpose());
+    const Matrix reflection =
+        Matrix::Identity(d.size(), d.size()) - (2 / v.squaredNorm() * v).lazyProduct(v.transpose());
     return reflection.rightCols(d.size() - 1);
 }
 
@@ -58,7 +61,7 @@ double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wren
     // In units of the whole limit and of the grip's size.
     Motion scale;
     scale << 1, 1, 1, 1 / size, 1 / size, 1 / size;
-    Vector d = kept.transpose() * scale.cwiseProduct(wrench);
+    Vector d = kept.transpose().lazyProduct(scale.cwiseProduct(wrench));
     const double length = d.norm();
     if (!(total > 0) || !(length > 0)) return 0;
     d /= length;
@@ -69,8 +72,9 @@ double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wren
         Eigen::Matrix<double, 3, 6> map;
         map.leftCols<3>().setIdentity();
         map.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;  // turning moves the sample by turn x x
-        discs.push_back({s.friction_limit / total, (Eigen::Matrix3d::Identity() - n * n.transpose()) * map * kept});
-        now += discs.back().map.transpose() * eigen(s.friction) / total;
+        discs.push_back(
+            {s.friction_limit / total, ((Eigen::Matrix3d::Identity() - n * n.transpose()) * map).lazyProduct(kept)});
+        now += discs.back().map.transpose().lazyProduct(eigen(s.friction)) / total;
     }
     // Least support over directions u with u d = 1: u = d + B y.
     const Matrix B = normal_to(d);
@@ -80,13 +84,17 @@ double wrench_reserve(const std::vector<GripSample>& samples, const Motion& wren
         for (int k = 0; k < 50; ++k) {
             const Support s = support(discs, now, u, blur);
             least = s.value;
-            const Vector g = B.transpose() * s.gradient;
+            const Vector g = B.transpose().lazyProduct(s.gradient);
             if (g.norm() < 1e-10) break;
-            Matrix H = B.transpose() * s.curvature * B;
+            const Matrix curved = s.curvature.lazyProduct(B);
+            Matrix H = B.transpose().lazyProduct(curved);
             H.diagonal().array() += 1e-12 + 1e-9 * H.trace();
-            const Vector step = -H.ldlt().solve(g);
+            const SmallCholesky factor(H);
+            if (factor.n == 0) break;
+            Vector step = -g;
+            factor.solve(step.data());
             double alpha = 1;
-            auto there = [&] { return Vector(u + alpha * (B * step)); };
+            auto there = [&] { return Vector(u + alpha * B.lazyProduct(step)); };
             while (alpha > 1e-12 && support(discs, now, there(), blur).value > least + 1e-4 * alpha * g.dot(step))
                 alpha *= 0.5;
             if (alpha <= 1e-12) break;

@@ -1,10 +1,11 @@
 #include "scenes/studies/calibration.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "engine/math/solve_definite.h"
 #include "meshes/input_error.h"
 #include "meshes/plain_numbers.h"
 
@@ -226,7 +227,8 @@ VectorXd step_in_box(const MatrixXd& H, const VectorXd& g, const VectorXd& u) {
                 A.row(k).setZero(), A.col(k).setZero();
                 A(k, k) = 1, b[k] = d[k];
             }
-        d = A.ldlt().solve(b);
+        if (!solve_definite(A, b)) return d;
+        d = b;
         std::ptrdiff_t worst = -1;
         double outside = 1e-12;
         for (std::ptrdiff_t k = 0; k < n; ++k)
@@ -257,8 +259,8 @@ Local fit_from(Fit& fit, VectorXd u, double damping, const std::atomic<bool>& st
         if (moved) best.r = linearise(fit, best.u, J);
         const double cost = best.r.squaredNorm();
         progress(k, cost / double(best.r.size()));
-        const MatrixXd H = J.transpose() * J;
-        const VectorXd g = J.transpose() * best.r;
+        const MatrixXd H = J.transpose().lazyProduct(J);
+        const VectorXd g = J.transpose().lazyProduct(best.r);
         const double scale = std::max(1e-12, H.diagonal().maxCoeff());
         std::vector<VectorXd> tries;
         std::vector<double> dampings;
@@ -393,15 +395,15 @@ void add_intervals(Fit& fit, const Local& local, Calibration& result) {
     const double variance =
         std::max(own_noise(fit), local.r.squaredNorm() / double(std::max<std::ptrdiff_t>(1, rows - n))) *
         repetition(fit, local.r);
-    const MatrixXd J = wide_jacobian(fit, local.u), H = J.transpose() * J;
+    const MatrixXd J = wide_jacobian(fit, local.u);
+    // Known before: each parameter is in its range, with the variance of that. The data add what they see.
+    const MatrixXd precision = MatrixXd::Identity(n, n) + J.transpose().lazyProduct(J) / variance;
     const double t = t_quantile(double(rows - n));
-    // Directions that the data do not see at all get the variance of the whole range.
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
     for (std::ptrdiff_t k = 0; k < n; ++k) {
-        double spread = 0;
-        for (std::ptrdiff_t i = 0; i < n; ++i)
-            spread += std::pow(eigen.eigenvectors()(k, i), 2) * variance / std::max(eigen.eigenvalues()[i], variance);
-        const double half = t * std::sqrt(spread), u = local.u[k];
+        MatrixXd factor = precision;
+        VectorXd covariance = VectorXd::Unit(n, k);
+        if (!solve_definite(factor, covariance)) covariance[k] = 1;
+        const double half = t * std::sqrt(covariance[k]), u = local.u[k];
         const auto p = std::size_t(k);
         FittedParameter f{fit.parameters[p].name, fit.value(p, u), fit.value(p, std::max(0.0, u - half)),
                           fit.value(p, std::min(1.0, u + half)), true};

@@ -1,4 +1,4 @@
-#include "engine/bodies/solve_definite.h"
+#include "engine/math/solve_definite.h"
 
 #include <Eigen/Cholesky>
 

@@ -1,5 +1,5 @@
 #pragma once
-// Dense linear systems of bodies: one factorisation for all of them, since each type of matrix has its own to compile.
+// Dense linear systems: one factorisation for all of them, since each type of matrix has its own to compile.
 
 #include <Eigen/Core>
 
