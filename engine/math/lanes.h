@@ -265,6 +265,20 @@ inline void store(ScalarOf<Real>* p, Real a) {
     else
         std::memcpy(p, &a.v, sizeof(a.v));
 }
+/// Copies `count` numbers: a multiple of three, and fewer than a register takes.
+template <class Real>
+inline void copy_triples(ScalarOf<Real>* to, const ScalarOf<Real>* from, int count) {
+#if defined(__AVX512F__)
+    if constexpr (sizeof(Real) == 64 && sizeof(ScalarOf<Real>) == 4) {
+        const __mmask16 mask = __mmask16((1u << count) - 1);
+        return _mm512_mask_storeu_ps(to, mask, _mm512_maskz_loadu_ps(mask, from));
+    } else if constexpr (sizeof(Real) == 64 && sizeof(ScalarOf<Real>) == 8) {
+        const __mmask8 mask = __mmask8((1u << count) - 1);
+        return _mm512_mask_storeu_pd(to, mask, _mm512_maskz_loadu_pd(mask, from));
+    }
+#endif
+    for (int i = 0; i < count; i += 3) std::memcpy(to + i, from + i, 3 * sizeof(*to));
+}
 template <class Real>
 inline void set_lane(Real& a, int i, ScalarOf<Real> s) {
     if constexpr (lane_width<Real> == 1)

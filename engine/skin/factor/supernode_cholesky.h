@@ -87,7 +87,7 @@ inline void apply_update(const SupernodeFactor& f, const SupernodeUpdate& u, con
                 T* b = to + 3 * r->target;
                 const int scalars = 3 * r->count;
                 if (scalars < W) {
-                    for (int i = 0; i < scalars; i += 3) std::memcpy(b + i, a + i, 3 * sizeof(T));
+                    copy_triples<V>(b, a, scalars);
                     continue;
                 }
                 for (int i = 0; i + W < scalars; i += W) store(b + i, load<V>(a + i));
@@ -202,11 +202,57 @@ inline void solve_supernodes_forward(const SupernodeFactor& f, const ScalarOf<R>
     }
 }
 
+namespace detail {
+
+/// (v[k] + v[k+1]) + v[k+2] in every lane k but the last two.
+template <class V>
+inline V sums_of_threes(const V& v) {
+    return [&]<std::size_t... k>(std::index_sequence<k...>) {
+        constexpr int W = sizeof...(k);
+        const V next(__builtin_shufflevector(v.v, v.v, int(k + 1) % W...));
+        const V last(__builtin_shufflevector(v.v, v.v, int(k + 2) % W...));
+        return v + next + last;
+    }
+    (std::make_index_sequence<std::size_t(lane_width<V>)>{});
+}
+
+/// y[c] minus the products of column c of a panel with x, in `rows` block rows. As many rows as a register takes are
+/// multiplied and added up at once; what is subtracted is so in the order of the rows.
+template <class V, class T>
+inline void subtract_column_products(T* y, const T* column, std::size_t stride, const T* x, int rows) {
+    constexpr int W = lane_width<V>, together = W / 3;
+    if constexpr (together < 2) {
+        for (int i = 0; i < 3 * rows; i += 3)
+            for (int c = 0; c < 3; ++c) {
+                const T* a = column + std::size_t(c) * stride + i;
+                y[c] -= a[0] * x[i] + a[1] * x[i + 1] + a[2] * x[i + 2];
+            }
+    } else {
+        alignas(64) T sums[3][W];
+        T y0 = y[0], y1 = y[1], y2 = y[2];
+        for (int row = 0; row < rows; row += together) {
+            const V of_x = load<V>(x + 3 * row);
+            for (int c = 0; c < 3; ++c)
+                store(sums[c], sums_of_threes(load<V>(column + std::size_t(c) * stride + 3 * row) * of_x));
+            auto subtract = [&](int k) { y0 -= sums[0][3 * k], y1 -= sums[1][3 * k], y2 -= sums[2][3 * k]; };
+            if (rows - row >= together) {
+                for (int k = 0; k < together; ++k) subtract(k);
+            } else {
+                for (int k = 0; k < rows - row; ++k) subtract(k);
+            }
+        }
+        y[0] = y0, y[1] = y1, y[2] = y2;
+    }
+}
+
+}  // namespace detail
+
 /// Solves L^T y = b in place.
 template <class R>
 inline void solve_supernodes_backward(const SupernodeFactor& f, const ScalarOf<R>* panels, ScalarOf<R>* b,
                                       ScalarOf<R>* work) {
     using T = ScalarOf<R>;
+    using V = typename RowLanes<R>::type;
     auto gather = [&](const Supernode& s) {
         for (int i = 0; i < s.row_count; ++i)
             std::memcpy(work + 3 * i, b + 3 * std::size_t(f.rows[s.first_row + i]), 3 * sizeof(T));
@@ -217,12 +263,11 @@ inline void solve_supernodes_backward(const SupernodeFactor& f, const ScalarOf<R
             const T* c0 = panels + s->panel + std::size_t(3 * j) * s->stride;
             const T *c1 = c0 + s->stride, *c2 = c1 + s->stride;
             T* y = work + 3 * j;
-            for (int i = 3 * (j + 1); i < 3 * s->row_count; i += 3) {
-                const T *a = c0 + i, *d = c1 + i, *e = c2 + i, *x = work + i;
-                y[0] -= a[0] * x[0] + a[1] * x[1] + a[2] * x[2];
-                y[1] -= d[0] * x[0] + d[1] * x[1] + d[2] * x[2];
-                y[2] -= e[0] * x[0] + e[1] * x[1] + e[2] * x[2];
-            }
+            // The supernode's own rows have just been stored one by one: a register cannot be loaded from them at once.
+            const int own = s->column_count - j - 1, below = s->row_count - s->column_count;
+            detail::subtract_column_products<Lanes<T, 1, 0>>(y, c0 + 3 * (j + 1), s->stride, y + 3, own);
+            const int first = 3 * s->column_count;
+            detail::subtract_column_products<V>(y, c0 + first, s->stride, work + first, below);
             y[2] = y[2] * c2[3 * j + 2];
             y[1] = (y[1] - c1[3 * j + 2] * y[2]) * c1[3 * j + 1];
             y[0] = (y[0] - c0[3 * j + 1] * y[1] - c0[3 * j + 2] * y[2]) * c0[3 * j];

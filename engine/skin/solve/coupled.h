@@ -316,7 +316,8 @@ void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         Vec3<R> fixed_gradient = residual;
         for (int slot = 0; slot < c.contacts.used; ++slot) {
             const detail::Slot<R> there = detail::read_slot<R>(c, slot);
-            const ContactTerms<R> terms = detail::sample_contact<R>(c, there, i, x, exactness).terms;
+            const ContactTerms<R> terms =
+                detail::sample_contact<R>(c, there, i, detail::sample_surface(c, there, i, x), exactness).terms;
             if (!there.all_body) {
                 fixed_gradient += there.of_others(terms.gradient);
                 fixed_curvature = fixed_curvature + there.of_others(terms.curvature);

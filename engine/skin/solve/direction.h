@@ -92,34 +92,79 @@ inline R newton_direction(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, R& bad_piv
     return slope_of<R>(c);
 }
 
+/// What all contacts of a sample do.
+template <class R>
+struct SampleForce {
+    Vec3<R> gradient{R(0), R(0), R(0)};
+    Mat3<R> curvature = Mat3<R>::zero();
+    bool idle = true;
+};
+
+/// Of `count` samples from `first` on, at the end of the direction.
+template <class R>
+inline void contacts_along_direction(const SkinChunk<ScalarOf<R>>& c, std::size_t first, int count, const R& exactness,
+                                     SampleForce<R>* out) {
+    const SkinTopology& t = *c.topology;
+    Vec3<R> x[samples_together<R>];
+    SampleSurface<R> at[samples_together<R>];
+    for (int k = 0; k < count; ++k) {
+        const std::size_t s = first + std::size_t(k);
+        x[k] = at_sample<R>(t, c.state.position.data(), s) + at_sample<R>(t, c.scratch.direction.data(), s);
+    }
+    for (int slot = 0; slot < c.contacts.used; ++slot) {
+        const Slot<R> there = read_slot<R>(c, slot);
+        find_sample_surfaces(c, there, first, count, x, at);
+        for (int k = 0; k < count; ++k) {
+            const std::size_t s = first + std::size_t(k);
+            if (!is_free_sample(t, s)) continue;
+            const SampleContact<R> contact = sample_contact(c, there, s, at[k], exactness);
+            if (contact.idle) continue;
+            out[k].gradient += contact.terms.gradient;
+            out[k].curvature = out[k].curvature + contact.terms.curvature;
+            out[k].idle = false;
+        }
+    }
+}
+
+/// Whether `count` numbers have nothing but zeros in all lanes; what is not a number is none.
+template <class R>
+inline bool all_zero(const ScalarOf<R>* p, int count) {
+    MaskOf<R> zero = R(0) <= R(0);
+    for (int i = 0; i < count; ++i) zero = zero & (absolute(load<R>(p + i * lane_width<R>)) <= R(0));
+    return all(zero);
+}
+
 /// What contact does at the end of the direction, beyond what its linearisation said: r = c(x + d) - c(x) - C d of
 /// every sample on a free node. Takes the new gradient and curvature as the current ones, the change of curvature into
 /// the matrix, and leaves r as right-hand side. Returns |r|^2.
 template <class R>
 inline R contact_residual(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& exactness, const R& share) {
     using T = ScalarOf<R>;
-    constexpr int W3 = 3 * lane_width<R>;
+    constexpr int W3 = 3 * lane_width<R>, together = samples_together<R>;
     const SkinTopology& t = *c.topology;
+    const Vec3<R> zero{R(0), R(0), R(0)};
     R squared(0);
-    for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
-        if (!is_free_sample(t, s)) continue;
-        const Vec3<R> x = at_sample<R>(t, c.state.position.data(), s) + at_sample<R>(t, c.scratch.direction.data(), s);
-        Vec3<R> gradient{R(0), R(0), R(0)};
-        Mat3<R> curvature = Mat3<R>::zero();
-        for (int slot = 0; slot < c.contacts.used; ++slot) {
-            const ContactTerms<R> terms = sample_contact<R>(c, read_slot<R>(c, slot), s, x, exactness).terms;
-            gradient += terms.gradient;
-            curvature = curvature + terms.curvature;
+    for (std::size_t first = 0, count = samples_in_use<R>(c); first < count; first += together) {
+        const int n = int(std::min<std::size_t>(together, count - first));
+        SampleForce<R> now[together];
+        contacts_along_direction(c, first, n, exactness, now);
+        for (int k = 0; k < n; ++k) {
+            const std::size_t s = first + std::size_t(k);
+            if (!is_free_sample(t, s)) continue;
+            T* old_gradient = &c.scratch.sample_gradient[s * W3];
+            const T* old = &c.scratch.contact_in_matrix[3 * s * W3];
+            if (now[k].idle && all_zero<R>(old_gradient, 3) && all_zero<R>(old, 9)) {
+                store_vec3<R>(&c.scratch.sample_residual[s * W3], zero);
+                continue;
+            }
+            const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), s);
+            const Vec3<R> r =
+                select(lanes, now[k].gradient - load_vec3<R>(old_gradient) - load_mat3<R>(old) * step, zero);
+            squared += dot(r, r);
+            put_in_matrix<R>(c, s, now[k].curvature, lanes, share);
+            store_vec3<R>(old_gradient, now[k].gradient);
+            store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
         }
-        T* old_gradient = &c.scratch.sample_gradient[s * W3];
-        const Mat3<R> old = load_mat3<R>(&c.scratch.contact_in_matrix[3 * s * W3]);
-        const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), s);
-        const Vec3<R> zero{R(0), R(0), R(0)};
-        const Vec3<R> r = select(lanes, gradient - load_vec3<R>(old_gradient) - old * step, zero);
-        squared += dot(r, r);
-        put_in_matrix<R>(c, s, curvature, lanes, share);
-        store_vec3<R>(old_gradient, gradient);
-        store_vec3<R>(&c.scratch.sample_residual[s * W3], r);
     }
     return squared;
 }

@@ -113,57 +113,70 @@ inline void carry_stiffness_to_bone(SkinChunk<ScalarOf<R>>& c) {
     add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr);
 }
 
-/// Contact of every sample with every slot's object.
+/// Contact of one sample with one slot's objects. What is `settled` apart, or less, is not pending.
+template <Want want, class R>
+inline void add_contact(SkinChunk<ScalarOf<R>>& c, const Slot<R>& there, std::size_t s, const SampleContact<R>& contact,
+                        const R& settled, Evaluation<R>& out) {
+    constexpr int W = lane_width<R>;
+    const SkinTopology& t = *c.topology;
+    const std::size_t i = std::size_t(there.index) * t.sample_count() + s;
+    const ContactTerms<R>& terms = contact.terms;
+    MaskOf<R> near = R(1) < R(0);
+    if (!contact.idle) {
+        const R change = terms.normal_force - contact.state.normal_multiplier;
+        out.energy += terms.energy;
+        out.contact_force += terms.normal_force;
+        near = absolute(contact.surface.distance) <= settled;
+        out.pending += select(near, R(0), change * change);
+        const R depth =
+            there.any_soft ? select(there.soft, R(0), -contact.surface.distance) : -contact.surface.distance;
+        out.penetration = maximum(depth, out.penetration);
+        add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
+        if constexpr (want == Want::forces_and_matrix)
+            add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);
+    }
+    if (there.any_body) {
+        store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], there.of_bodies(terms.gradient));
+        store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], there.of_bodies(terms.curvature));
+    }
+    if (!there.all_body && !contact.idle) {
+        add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], there.of_others(terms.gradient));
+        if constexpr (want != Want::forces)
+            add_block<R>(c.scratch.sample_curvature.data(), int(s), there.of_others(terms.curvature));
+    }
+    store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
+    if (!there.rubs) return;
+    const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
+    const R dr = there.friction * terms.normal_force - contact.state.friction_radius;
+    const R walks = settled * load<R>(&c.rest.contact_penalty[s * W]), slip = dot(dt, dt);
+    out.pending += select(near & (slip <= walks * walks), R(0), slip) + select(near, R(0), dr * dr);
+    store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W], transposed_times(there.rotation, terms.tangential));
+    // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.
+    const R length = maximum(norm(contact.local_normal), R(ScalarOf<R>(1e-6)));
+    store_vec3<R>(&c.scratch.contact_normal[3 * i * W], (R(1) / length) * contact.local_normal);
+}
+
+/// Contact of every sample with every slot's objects.
 template <Want want, class R>
 inline void add_contacts(SkinChunk<ScalarOf<R>>& c, const R& exactness, Evaluation<R>& out) {
     using T = ScalarOf<R>;
-    constexpr int W = lane_width<R>;
-    const SkinTopology& t = *c.topology;
     const R settled(T(c.edge_round > 0 ? fitted::settled_gap : -1));
     std::fill(c.scratch.sample_gradient.begin(), c.scratch.sample_gradient.end(), T(0));
     if constexpr (want != Want::forces)
         std::fill(c.scratch.sample_curvature.begin(), c.scratch.sample_curvature.end(), T(0));
+    constexpr int together = samples_together<R>;
+    Vec3<R> x[together];
+    SampleSurface<R> at[together];
     for (int slot = 0; slot < c.contacts.used; ++slot) {
         const Slot<R> there = read_slot<R>(c, slot);
-        for (std::size_t s = 0; s < samples_in_use<R>(c); ++s) {
-            const std::size_t i = slot * t.sample_count() + s;
-            const SampleContact<R> contact =
-                sample_contact<R>(c, there, s, at_sample<R>(t, c.state.position.data(), s), exactness);
-            const ContactTerms<R>& terms = contact.terms;
-            MaskOf<R> near = R(1) < R(0);
-            if (!contact.idle) {
-                const R change = terms.normal_force - contact.state.normal_multiplier;
-                out.energy += terms.energy;
-                out.contact_force += terms.normal_force;
-                near = absolute(contact.surface.distance) <= settled;
-                out.pending += select(near, R(0), change * change);
-                const R depth =
-                    there.any_soft ? select(there.soft, R(0), -contact.surface.distance) : -contact.surface.distance;
-                out.penetration = maximum(depth, out.penetration);
-                add_at_sample<R>(t, c.scratch.gradient.data(), s, terms.gradient);
-                if constexpr (want == Want::forces_and_matrix)
-                    add_sample_block<R>(t, c.scratch.blocks.data(), s, terms.curvature);
-            }
-            if (there.any_body) {
-                store_vec3<R>(&c.exchange.slot_gradient[3 * i * W], there.of_bodies(terms.gradient));
-                store_mat3<R>(&c.exchange.slot_curvature[9 * i * W], there.of_bodies(terms.curvature));
-            }
-            if (!there.all_body && !contact.idle) {
-                add_vec3<R>(&c.scratch.sample_gradient[3 * s * W], there.of_others(terms.gradient));
-                if constexpr (want != Want::forces)
-                    add_block<R>(c.scratch.sample_curvature.data(), int(s), there.of_others(terms.curvature));
-            }
-            store<R>(&c.scratch.normal_candidate[i * W], terms.normal_force);
-            if (there.rubs) {
-                const Vec3<R> dt = terms.tangential - contact.state.tangential_multiplier;
-                const R dr = there.friction * terms.normal_force - contact.state.friction_radius;
-                const R walks = settled * load<R>(&c.rest.contact_penalty[s * W]), slip = dot(dt, dt);
-                out.pending += select(near & (slip <= walks * walks), R(0), slip) + select(near, R(0), dr * dr);
-                store_vec3<R>(&c.scratch.tangential_candidate[3 * i * W],
-                              transposed_times(there.rotation, terms.tangential));
-                // The gradient of a smoothed mesh is not quite of length one; the tangent plane needs it to be.
-                const R length = maximum(norm(contact.local_normal), R(T(1e-6)));
-                store_vec3<R>(&c.scratch.contact_normal[3 * i * W], (R(1) / length) * contact.local_normal);
+        for (std::size_t first = 0, count = samples_in_use<R>(c); first < count; first += together) {
+            const int n = int(std::min<std::size_t>(together, count - first));
+            for (int k = 0; k < n; ++k)
+                x[k] = at_sample<R>(*c.topology, c.state.position.data(), first + std::size_t(k));
+            find_sample_surfaces(c, there, first, n, x, at);
+            for (int k = 0; k < n; ++k) {
+                const std::size_t s = first + std::size_t(k);
+                add_contact<want>(c, there, s, sample_contact(c, there, s, at[k], exactness), settled, out);
             }
         }
     }

@@ -1,6 +1,8 @@
 #pragma once
 // Contact of one sample with the objects in one slot, which may be another one in each lane.
 
+#include <algorithm>
+
 #include "engine/contact/contact_terms.h"
 #include "engine/skin/chunks/samples.h"
 #include "engine/skin/solve/fitted.h"
@@ -103,7 +105,88 @@ inline SurfacePoint<R> slot_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<
     return nearest;
 }
 
-/// One sample at x against one slot's objects. Slip is how far the sample moved over the object in this step, measured
+/// Where a sample is to the objects in a slot.
+template <class R>
+struct SampleSurface {
+    Vec3<R> local;            ///< the sample, in their frames
+    SurfacePoint<R> surface;  ///< normal in these; distance as contact counts it
+};
+
+/// The distance that contact counts: less what recovers, and what curved skin is nearer.
+template <class R>
+inline R counted_distance(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, std::size_t s, R distance) {
+    const std::size_t i = std::size_t(slot.index) * c.topology->sample_count() + s;
+    if (lanes_recover(slot)) distance -= load<R>(&c.state.contact_offset[i * lane_width<R>]);
+    if (!c.scratch.rise.empty()) distance -= rise_at_sample<R>(c, slot.index, s);
+    if (s >= c.topology->samples.size() && (c.fine_lanes & c.used_lanes) != c.used_lanes)
+        distance = select(mask_from_bits<R>(c.fine_lanes), distance, R(ScalarOf<R>(1)));
+    return distance;
+}
+
+template <class R>
+inline SampleSurface<R> sample_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, std::size_t s,
+                                       const Vec3<R>& x) {
+    SampleSurface<R> out;
+    out.local = transposed_times(slot.rotation, x - slot.position);
+    out.surface = slot_surface(c, slot, std::size_t(slot.index) * c.topology->sample_count() + s, out.local);
+    out.surface.distance = counted_distance(c, slot, s, out.surface.distance);
+    return out;
+}
+
+/// How many samples are looked at together: of a finger alone as many as fill a register.
+template <class R>
+struct SamplesTogether {
+    using type = R;
+    static constexpr int count = 1;
+};
+template <class R>
+requires(lane_width<R> == 1 && shares_register<R>) struct SamplesTogether<R> {
+    using type = typename WholeRegister<R>::type;
+    static constexpr int count = lane_width<type>;
+};
+template <class R>
+inline constexpr int samples_together = SamplesTogether<R>::count;
+
+/// sample_surface of `count` samples from `first` on, which are at x.
+template <class R>
+inline void find_sample_surfaces(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, std::size_t first, int count,
+                                 const Vec3<R>* x, SampleSurface<R>* out) {
+    using T = ScalarOf<R>;
+    const auto kind = std::find_if(slot.lanes->of_kind.begin(), slot.lanes->of_kind.end(),
+                                   [](unsigned lanes) { return lanes != 0; }) -
+                      slot.lanes->of_kind.begin();
+    if (samples_together<R> == 1 || !slot.all_here || ShapeKind(kind) == ShapeKind::mesh) {
+        for (int k = 0; k < count; ++k) out[k] = sample_surface(c, slot, first + std::size_t(k), x[k]);
+        return;
+    }
+    if constexpr (samples_together < R >> 1) {
+        using Q = typename SamplesTogether<R>::type;
+        const T* sides = &c.state.contact_side[std::size_t(slot.index) * c.topology->sample_count() + first];
+        Vec3<Q> at{Q(0), Q(0), Q(0)};
+        Q side(0);
+        for (int k = 0; k < count; ++k) {
+            for (int d = 0; d < 3; ++d) set_lane(at[d], k, lane(x[k][d], 0));
+            set_lane(side, k, sides[k]);
+        }
+        auto repeat = [](const Vec3<R>& v) {
+            return Vec3<Q>{repeat_part<Q>(v.x), repeat_part<Q>(v.y), repeat_part<Q>(v.z)};
+        };
+        Mat3<Q> rotation;
+        for (int i = 0; i < 9; ++i) rotation.m[i / 3][i % 3] = repeat_part<Q>(slot.rotation.m[i / 3][i % 3]);
+        const Vec3<Q> local = transposed_times(rotation, at - repeat(slot.position));
+        const SurfacePoint<Q> surface =
+            has_sides(ShapeKind(kind))
+                ? sided_point(ShapeKind(kind), repeat(slot.size), repeat_part<Q>(slot.round), local, side)
+                : primitive_point(ShapeKind(kind), repeat(slot.size), local);
+        for (int k = 0; k < count; ++k) {
+            auto part = [&](const Vec3<Q>& v) { return Vec3<R>{R(lane(v.x, k)), R(lane(v.y, k)), R(lane(v.z, k))}; };
+            out[k] = {part(local), {R(lane(surface.distance, k)), part(surface.normal)}};
+            out[k].surface.distance = counted_distance(c, slot, first + std::size_t(k), out[k].surface.distance);
+        }
+    }
+}
+
+/// One sample against one slot's objects. Slip is how far the sample moved over the object in this step, measured
 /// in the object's frame: where the object turns, friction turns with it, and the potential depends on where the two
 /// are relative to each other alone, so that action equals reaction.
 template <class R>
@@ -116,19 +199,14 @@ struct SampleContact {
 };
 template <class R>
 inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, std::size_t s,
-                                       const Vec3<R>& x, const R& exactness) {
+                                       const SampleSurface<R>& at, const R& exactness) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     const std::size_t i = std::size_t(slot.index) * c.topology->sample_count() + s;
     const Vec3<R> zero{R(0), R(0), R(0)};
     SampleContact<R> out;
-    const Vec3<R> local = transposed_times(slot.rotation, x - slot.position);
-    out.surface = slot_surface(c, slot, i, local);
-    if (lanes_recover(slot)) out.surface.distance -= load<R>(&c.state.contact_offset[i * W]);
+    out.surface = at.surface;
     out.local_normal = out.surface.normal;
-    if (!c.scratch.rise.empty()) out.surface.distance -= rise_at_sample<R>(c, slot.index, s);
-    if (s >= c.topology->samples.size() && (c.fine_lanes & c.used_lanes) != c.used_lanes)
-        out.surface.distance = select(mask_from_bits<R>(c.fine_lanes), out.surface.distance, R(T(1)));
     out.state = {load<R>(&c.state.normal_multiplier[i * W]), zero, R(0), zero};
     // Where nodes stick and slide by turns, Newton cycles about the kink between the two if friction is much stiffer
     // than tissue; creep is not a matter of the penalty, its multiplier takes it away.
@@ -159,7 +237,7 @@ inline SampleContact<R> sample_contact(const SkinChunk<ScalarOf<R>>& c, const Sl
         out.state.friction_normal = slot.rotation * load_vec3<R>(&c.state.friction_normal[3 * i * W]);
         const Vec3<R> before = at_sample<R>(*c.topology, c.scratch.start_position.data(), s);
         slip = slot.rotation *
-               (local - transposed_times(load_mat3<R>(slot.start), before - load_vec3<R>(slot.start + 9 * W)));
+               (at.local - transposed_times(load_mat3<R>(slot.start), before - load_vec3<R>(slot.start + 9 * W)));
     }
     out.terms = contact_terms(out.surface, slip, k, k_slip, out.state, slot.rubs, exactness);
     if (slot.any_soft)  // nothing of it is pending
