@@ -426,6 +426,9 @@ SkinTopology build_topology(const TetMesh& mesh, bool several_lanes, int sample_
         }
     }
     for (int i = 0; i < t.node_count; ++i) t.diagonal_block.push_back(block(i, i));
+    // Those to one free node beside each other: they are added up in registers.
+    std::stable_sort(t.bone_edges.begin(), t.bone_edges.end(),
+                     [](const auto& a, const auto& b) { return a.position < b.position; });
     for (int b : {t.bone_position, t.bone_rotation})
         t.diagonal_block.push_back(t.pattern.find(t.elimination[b], t.elimination[b]));
     if (sample_refinement > 1) refine_samples(t, mesh, sample_refinement);

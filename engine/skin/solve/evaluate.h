@@ -7,6 +7,7 @@
 #include "engine/bodies/pose_spring.h"
 #include "engine/skin/chunks/samples.h"
 #include "engine/skin/factor/block_cholesky.h"
+#include "engine/skin/solve/bone_stiffness.h"
 #include "engine/skin/solve/sample_contact.h"
 #include "engine/skin/tissue/linear_tissue.h"
 
@@ -80,37 +81,6 @@ inline Mat3<R> carry_forces_to_bone(SkinChunk<ScalarOf<R>>& c) {
     add_vec3<R>(&c.scratch.gradient[3 * t.bone_position * W], force);
     add_vec3<R>(&c.scratch.gradient[3 * t.bone_rotation * W], torque);
     return turning;
-}
-
-/// Carries the stiffness of the bone nodes over to the bone.
-template <class R>
-inline void carry_stiffness_to_bone(SkinChunk<ScalarOf<R>>& c) {
-    constexpr int W = lane_width<R>;
-    const SkinTopology& t = *c.topology;
-    ScalarOf<R>* blocks = c.scratch.blocks.data();
-    auto block = [&](int b) { return load_mat3<R>(blocks + static_cast<std::size_t>(b) * 9 * W); };
-    const Vec3<R> origin = load_vec3<R>(c.state.bone.data());
-    auto arm = [&](int node) { return load_vec3<R>(&c.state.position[3 * node * W]) - origin; };
-    for (const auto& edge : t.bone_edges) {
-        const Mat3<R> K = block(edge.block);
-        add_block<R>(blocks, edge.position, K);
-        add_block<R>(blocks, edge.rotation, cross_columns(arm(edge.bone_node), K));
-    }
-    Mat3<R> pp = Mat3<R>::zero(), rp = Mat3<R>::zero(), rr = Mat3<R>::zero();
-    for (const auto& pair : t.bone_pairs) {
-        const Mat3<R> K = block(pair.block), turned = cross_columns(arm(pair.a), K);
-        const Mat3<R> both = transpose(cross_columns(arm(pair.b), transpose(turned)));
-        pp = pp + K;
-        rp = rp + turned;
-        rr = rr + both;
-        if (pair.a == pair.b) continue;
-        pp = pp + transpose(K);
-        rp = rp + cross_columns(arm(pair.b), transpose(K));
-        rr = rr + transpose(both);
-    }
-    add_block<R>(blocks, t.diagonal_block[t.bone_position], pp);
-    add_block<R>(blocks, t.bone_cross_block, rp);
-    add_block<R>(blocks, t.diagonal_block[t.bone_rotation], rr);
 }
 
 /// Contact of one sample with one slot's objects. What is `settled` apart, or less, is not pending.
