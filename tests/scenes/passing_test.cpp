@@ -45,5 +45,29 @@ TEST(Passing, SkinThatABlowHasWoundUpDoesNotLeapThroughAThickBox) {
     EXPECT_EQ(passed, 0);
 }
 
+/// The end of a box comes in where the skin rides on its bone, and touches nothing, and stays under the pad's rim.
+TEST(Passing, ABoxThatHasComeInBesideThePadIsSaid) {
+    Simulation s = make_simulation(
+        load_scene_text(
+            "dt_ms = 20\nduration_s = 0.26\ngravity_m_per_s2 = [0.37, -5.11, -2.66]\n"
+            "[limits]\nlow = 0.722\nhigh = 1.368\n"
+            "[[object]]\nname = \"pusher\"\nkind = \"box\"\nsize_mm = [5.53, 30, 14]\nfriction = 0.939\n"
+            "track = [ { t_s = 0, position_mm = [-20, 0, 8] }, { t_s = 0.17, position_mm = [-1.889, -2.44, 8] } ]\n"
+            "[[finger]]\nname = \"index\"\nshape = { finger = \"index\" }\nelements = 180\n"
+            "layer = [ { thickness_mm = 1.6, young_kPa = 329.4, low = 0.5, high = 1.5 } ]\n"
+            "track = [ { t_s = 0, position_mm = [0.188, 21.588, 14.674], rotation_deg = [-81.32, -24.46, 0] }, "
+            "{ t_s = 0.11, position_mm = [0.188, 12.871, 11.837], rotation_deg = [-81.32, -24.46, 0] }, "
+            "{ t_s = 0.29, position_mm = [0.188, 21.588, 14.674], rotation_deg = [-81.32, -24.46, 0] } ]\n",
+            "beside.toml"),
+        1);
+    while (s.world.time < s.scene.duration - 1e-9) {
+        advance(s);
+        if (s.world.time < 0.09) continue;
+        const SkinStatus& status = skin_status(s.world, s.fingers[0]);
+        EXPECT_GT(status.wrong_sides, 0) << s.world.time;
+        EXPECT_FALSE(status.converged) << s.world.time;
+    }
+}
+
 }  // namespace
 }  // namespace palpate
