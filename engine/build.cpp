@@ -314,13 +314,16 @@ ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& 
     if (mesh.curved_skin) c.bulge.assign(c.area.size(), {0, 0, 0});
     for (const auto& face : mesh.surface) {
         std::array<int, 3> samples;
-        bool of_pad = true;
+        int in_pad = 0;
         for (std::size_t k = 0; k < 3; ++k) {
             const auto at = std::lower_bound(mesh.pad_nodes.begin(), mesh.pad_nodes.end(), face[k]);
-            of_pad = of_pad && at != mesh.pad_nodes.end() && *at == face[k];
+            in_pad += at != mesh.pad_nodes.end() && *at == face[k];
             samples[k] = int(at - mesh.pad_nodes.begin());
         }
-        if (!of_pad) continue;
+        if (in_pad < 3) {
+            (in_pad > 0 ? c.rim_faces : c.back_faces).push_back(face);
+            continue;
+        }
         c.faces.push_back(samples);
         for (std::size_t k = 0; k < 3; ++k) {
             const Vec3<double> edge =

@@ -90,7 +90,9 @@ struct ContactSurface {
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
     std::vector<double> gap;                       ///< of samples beside those that touch, to what is nearest [m]
     std::vector<std::array<int, 3>> faces;         ///< of the pad, three samples each, outward; written at load
-    std::vector<Vec3<double>> outward;             ///< scratch, [sample] finger frame, as long as twice an area
+    std::vector<std::array<int, 3>> rim_faces;     ///< with some nodes in the pad, nodes of the mesh; written at load
+    std::vector<std::array<int, 3>> back_faces;    ///< with none in it, the same
+    std::vector<Vec3<double>> outward;             ///< scratch, [sample] of `faces`, finger frame, twice an area long
     double longest_edge = 0;                       ///< of those faces at rest [m], written at load
     double modulus = 0;                            ///< E / (1 - nu^2) of the tissue [Pa], written at load
     bool rough = false;                            ///< forces are far from balanced: not to be rendered

@@ -76,19 +76,34 @@ double distance_to_segment(const Vec3<double>& p, const Vec3<double>& a, const V
     return norm(p - a - along * ab);
 }
 
+double distance_to_face(const Vec3<double>& p, const Vec3<double>& a, const Vec3<double>& b, const Vec3<double>& c) {
+    const Vec3<double> n = cross(b - a, c - a);
+    const bool over =
+        dot(cross(b - a, p - a), n) >= 0 && dot(cross(c - b, p - b), n) >= 0 && dot(cross(a - c, p - c), n) >= 0;
+    const double to_face = over && dot(n, n) > 0 ? std::abs(dot(p - a, n)) / norm(n) : HUGE_VAL;
+    return std::min(
+        {to_face, distance_to_segment(p, a, b), distance_to_segment(p, b, c), distance_to_segment(p, c, a)});
+}
+
 /// Of a point from the pad's faces, in the finger's frame [m].
 double distance_to_pad(const ContactSurface& surface, const Vec3<double>& p) {
     double least = HUGE_VAL;
-    for (const auto& f : surface.faces) {
-        const Vec3<double>&a = surface.position[std::size_t(f[0])], &b = surface.position[std::size_t(f[1])],
-              &c = surface.position[std::size_t(f[2])];
-        const Vec3<double> n = cross(b - a, c - a);
-        const bool over =
-            dot(cross(b - a, p - a), n) >= 0 && dot(cross(c - b, p - b), n) >= 0 && dot(cross(a - c, p - c), n) >= 0;
-        const double to_face = over && dot(n, n) > 0 ? std::abs(dot(p - a, n)) / norm(n) : HUGE_VAL;
-        least = std::min(
-            {least, to_face, distance_to_segment(p, a, b), distance_to_segment(p, b, c), distance_to_segment(p, c, a)});
-    }
+    for (const auto& f : surface.faces)
+        least =
+            std::min(least, distance_to_face(p, surface.position[std::size_t(f[0])],
+                                             surface.position[std::size_t(f[1])], surface.position[std::size_t(f[2])]));
+    return least;
+}
+
+/// Of a point from all of the skin, world [m]: what has come in a little beside the pad is not deep because the pad is
+/// far.
+template <class T>
+double distance_to_skin(const SkinChunk<T>& c, int lane, const ContactSurface& surface, const Vec3<double>& point) {
+    double least = distance_to_pad(surface, inverse_transform(surface.bone, point));
+    for (const auto* faces : {&surface.rim_faces, &surface.back_faces})
+        for (const auto& f : *faces)
+            least = std::min(least, distance_to_face(point, node_position(c, f[0], lane), node_position(c, f[1], lane),
+                                                     node_position(c, f[2], lane)));
     return least;
 }
 
@@ -111,6 +126,20 @@ bool in_tissue(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
     });
 }
 
+/// Outward normal of all the skin around a node of the pad, world, as long as twice an area. At the pad's rim half of
+/// that skin is none of the pad's, and what the pad has of it looks aside.
+template <class T>
+Vec3<double> outward_at(const SkinChunk<T>& c, int lane, const ContactSurface& surface, std::size_t s) {
+    Vec3<double> outward = rotation_matrix(surface.bone.rotation) * surface.outward[s];
+    const int node = c.topology->samples[s];
+    for (const auto& f : surface.rim_faces) {
+        if (f[0] != node && f[1] != node && f[2] != node) continue;
+        const Vec3<double> a = node_position(c, f[0], lane);
+        outward += cross(node_position(c, f[1], lane) - a, node_position(c, f[2], lane) - a);
+    }
+    return outward;
+}
+
 /// Whether an object's surface nearest to a node lies straight inward from it, and deep in the tissue: where skin that
 /// is pressed in stands up beside what presses, the object behind that wall is outside again.
 template <class T>
@@ -119,11 +148,16 @@ bool is_behind(const SkinChunk<T>& c, int lane, const LaneContact& o, const Cont
     const Vec3<double> x = transform(surface.bone, surface.position[s]);
     const SurfacePoint<double> near = surface_point(o.shape, o.pose, x);
     if (near.distance > within || near.distance < -1e-4) return false;
-    const Vec3<double> outward = rotation_matrix(surface.bone.rotation) * surface.outward[s];
-    if (dot(near.normal, outward) <= straight * norm(outward)) return false;
+    const auto is_straight = [&](const Vec3<double>& outward) {
+        return dot(near.normal, outward) > straight * norm(outward);
+    };
+    const bool of_pad = is_straight(rotation_matrix(surface.bone.rotation) * surface.outward[s]);
+    if (!of_pad && !is_straight(outward_at(c, lane, surface, s))) return false;
     const Vec3<double> there = x - near.distance * near.normal;
-    return in_tissue(c, lane, there) &&
-           distance_to_pad(surface, inverse_transform(surface.bone, there)) > deep * surface.longest_edge;
+    if (!in_tissue(c, lane, there)) return false;
+    const double depth = of_pad ? distance_to_pad(surface, inverse_transform(surface.bone, there))
+                                : distance_to_skin(c, lane, surface, there);
+    return depth > deep * surface.longest_edge;
 }
 
 /// Whether the middle of something round and narrow is inside the tissue, where it is nearest to the nodes around it:
@@ -145,21 +179,36 @@ bool has_middle_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, co
     return in_tissue(c, lane, transform(o.pose, {0, 0, std::clamp(middle.z / near, -half, half)}));
 }
 
-/// Corners of a mesh that are deep in the tissue: one that comes in between nodes presses on none of them, and lies
-/// behind none.
+/// Calls visit(corner) for the corners of a box or a mesh (object's frame).
+template <class Visit>
+void for_each_corner(const Shape& shape, Visit visit) {
+    if (shape.kind == ShapeKind::mesh)
+        for (const Vec3<double>& corner : shape.mesh->corners) visit(corner);
+    if (shape.kind != ShapeKind::box) return;
+    const Vec3<double>& half = shape.size;
+    for (int k = 0; k < 8; ++k)
+        visit(Vec3<double>{k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z});
+}
+
+/// Corners of an object that are deep in the tissue: one that comes in between nodes, or beside the pad, presses on
+/// none of them, and lies behind none.
 template <class T>
 int corners_inside(const SkinChunk<T>& c, int lane, const LaneContact& o, const ContactSurface& surface) {
-    if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind != ShapeKind::mesh || o.shape.mesh->corners.empty()) return 0;
+    if (o.finger >= 0 || o.stiffness > 0) return 0;
     Vec3<double> low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = -low;
-    for (const Vec3<double>& x : surface.position)
-        for (int d = 0; d < 3; ++d) low[d] = std::min(low[d], x[d]), high[d] = std::max(high[d], x[d]);
     int count = 0;
-    for (const Vec3<double>& corner : o.shape.mesh->corners) {
+    for_each_corner(o.shape, [&](const Vec3<double>& corner) {
+        if (low.x > high.x)
+            for (const Vec3<double>& x : surface.position)
+                for (int d = 0; d < 3; ++d) low[d] = std::min(low[d], x[d]), high[d] = std::max(high[d], x[d]);
         const Vec3<double> point = transform(o.pose, corner), p = inverse_transform(surface.bone, point);
         bool near = true;
         for (int d = 0; d < 3; ++d) near &= p[d] > low[d] && p[d] < high[d];
-        if (near && in_tissue(c, lane, point) && distance_to_pad(surface, p) > deep * surface.longest_edge) ++count;
-    }
+        if (!near || !in_tissue(c, lane, point)) return;
+        const double depth =
+            o.shape.kind == ShapeKind::mesh ? distance_to_pad(surface, p) : distance_to_skin(c, lane, surface, point);
+        count += depth > deep * surface.longest_edge;
+    });
     return count;
 }
 
@@ -181,15 +230,14 @@ bool any_inner_point(const Shape& shape, Visit visit) {
 bool is_in_tissue(const SkinChunk<double>& c, int lane, const LaneContact& o, const ContactSurface& surface) {
     const auto is_there = [&](const Vec3<double>& x) { return in_tissue(c, lane, transform(o.pose, x)); };
     if (any_inner_point(o.shape, is_there)) return true;
-    if (o.shape.kind != ShapeKind::box) return false;
-    const Vec3<double>& half = o.shape.size;
-    for (int k = 0; k < 8; ++k) {
-        const Vec3<double> corner{k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z};
-        if (is_there(corner) && distance_to_pad(surface, inverse_transform(surface.bone, transform(o.pose, corner))) >
-                                    deep * surface.longest_edge)
-            return true;
-    }
-    return false;
+    bool deep_corner = false;
+    if (o.shape.kind == ShapeKind::box)
+        for_each_corner(o.shape, [&](const Vec3<double>& corner) {
+            deep_corner |= is_there(corner) &&
+                           distance_to_pad(surface, inverse_transform(surface.bone, transform(o.pose, corner))) >
+                               deep * surface.longest_edge;
+        });
+    return deep_corner;
 }
 
 /// Whether the way from a to b (a mesh's frame) leads through a wall: steps along it are as long as the surface is far.

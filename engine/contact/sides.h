@@ -49,6 +49,16 @@ inline int side_of_surface(const Shape& shape, const Vec3<double>& x, const Vec3
     return looks && on && travel < across ? add_to_side(face, strict_side) : side;
 }
 
+/// The side of a point of a surface that side_of_surface gives none, for what it is on is thick, and its way short:
+/// that of the nearest face, which says nothing as long as the point is on that face's half of the shape. Tissue that
+/// is wound up by a blow leaps by far more than its way foretells, and where it leapt past the middle, the face behind
+/// was the nearest, and pulled it through (random scene 2101443: 4.8 mm in a step of 1 ms, through a box of 5.6 mm).
+/// Only what is inside keeps the side it had: what slides from face to face is on another one by now.
+inline int side_of_thick(const Shape& shape, const Vec3<double>& x, int before) {
+    const bool inside = local_surface_point(shape, x).distance < -fitted::on_face;
+    return side_of(shape, x, inside ? before : 0);
+}
+
 /// A strict side, bridged where something level with it goes on beyond its rim, next to a point that may come there in
 /// this step: `goes_on(point)` says whether another object is at a point (object's frame), which is as far beyond the
 /// rim as a bridge may reach, and a little below it.

@@ -142,6 +142,7 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
     const Vec3<double> outward =
         transposed_times(rotation_matrix(o.start.rotation), skin_normal_of_sample(c, sample, lane));
     const int side = side_of_surface(o.shape, local, outward, before, travel);
+    if (side == 0) return side_of_thick(o.shape, local, plain_side(before));
     if (side == plain_side(side)) return side;
     return bridge_side(o.shape, local, side, travel, [&](const Vec3<double>& beyond) {
         const Vec3<double> p = transform(o.start, beyond);

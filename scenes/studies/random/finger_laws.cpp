@@ -103,6 +103,12 @@ void check_free_bones(Watched& v, Findings& found) {
     }
 }
 
+double friction_between(const Simulation& s, std::size_t finger, std::size_t object) {
+    for (const FingerFriction& own : s.scene.spec.finger_frictions)
+        if (own.finger == int(finger) && own.object == int(object)) return own.friction;
+    return s.world.shapes[object].friction;
+}
+
 void check_friction(const Watched& v, Findings& found) {
     const World& w = v.s.world;
     for (std::size_t i = 0; i < v.fingers.size(); ++i) {
@@ -110,9 +116,7 @@ void check_friction(const Watched& v, Findings& found) {
         if (!f.status.converged || f.status.reset) continue;
         for (const ObjectContact& o : f.objects) {
             if (o.object < 0) continue;
-            double friction = w.shapes[std::size_t(o.object)].friction;
-            for (const FingerFriction& own : v.s.scene.spec.finger_frictions)
-                if (own.finger == int(i) && own.object == o.object) friction = own.friction;
+            const double friction = friction_between(v.s, i, std::size_t(o.object));
             // What leaves an object keeps, in that step, the friction of what it pressed with before.
             double pressed = o.normal_force;
             if (!v.before.empty())
@@ -137,41 +141,6 @@ bool stuck_before(const FingerState& before, const ObjectContact& now) {
         return b.object == now.object && sticks(b) && b.normal_force > 0.95 * now.normal_force &&
                now.normal_force > 0.95 * b.normal_force;
     });
-}
-
-void check_grips(const Watched& v, Findings& found) {
-    const World& w = v.s.world;
-    // Beside where all sticks some skin slides: what presses little. Its way counts by what it presses with.
-    constexpr double share = 0.2, slid = 2e-5, fastest_grip = 0.5, turned = 5e-4;  // [1, m, m/s, rad]
-    for (std::size_t i = 0; i < v.fingers.size(); ++i) {
-        const FingerState& f = v.fingers[i];
-        if (!f.status.converged || f.status.reset || v.before.empty() || !v.before[i].status.converged) continue;
-        for (const ObjectContact& o : f.objects) {
-            if (o.object < 0 || w.shapes[std::size_t(o.object)].soft >= 0 || !sticks(o)) continue;
-            if (!stuck_before(v.before[i], o)) continue;
-            // What one finger alone presses may tilt, or roll, under it.
-            const auto others = std::count_if(v.fingers.begin(), v.fingers.end(), [&](const FingerState& of) {
-                return std::any_of(of.objects.begin(), of.objects.end(),
-                                   [&](const ObjectContact& c) { return c.object == o.object && c.normal_force > 0; });
-            });
-            if (w.shapes[std::size_t(o.object)].body >= 0 && others < 2) continue;
-            // After a blow skin rings under what presses it, and slides where it presses little.
-            const int body = w.shapes[std::size_t(o.object)].body;
-            const Vec3<double> own = body < 0 ? Vec3<double>{0, 0, 0} : w.bodies[std::size_t(body)].velocity;
-            if (norm(f.bone_velocity) + norm(own) > fastest_grip) continue;
-            // Under what turns, skin sticks and slides in all directions.
-            const double turn = body < 0 ? 0
-                                         : norm(angular_velocity(w.bodies[std::size_t(body)],
-                                                                 w.shapes[std::size_t(o.object)].pose.rotation));
-            if (w.solver.dt * turn > turned) continue;
-            const double travel = w.solver.dt * norm(f.bone_velocity);
-            if (o.slip > share * travel + slid)
-                found.add("what sticks does not slide",
-                          law_text("%.4f s: %s slides over %s by %.4g mm in a step, with %.3g of its friction used",
-                                   w.time, f.skin->name.c_str(), w.shapes[std::size_t(o.object)].name.c_str(),
-                                   1e3 * o.slip, o.friction_force / o.friction_available));
-        }
-    }
 }
 
 }  // namespace palpate

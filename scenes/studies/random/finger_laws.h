@@ -12,6 +12,9 @@ void check_coupling(const Watched& watched, Findings& found);
 /// A bone that nothing holds comes to its tracked pose, where that stands still for long enough.
 void check_free_bones(Watched& watched, Findings& found);
 
+/// Coefficient of a finger against an object.
+double friction_between(const Simulation& simulation, std::size_t finger, std::size_t object);
+
 /// Friction of a finger on an object is no more than Coulomb's law allows for the scene's coefficient.
 void check_friction(const Watched& watched, Findings& found);
 
@@ -19,8 +22,5 @@ void check_friction(const Watched& watched, Findings& found);
 /// has only just come to touch slid before it did.
 bool sticks(const ObjectContact& contact);
 bool stuck_before(const FingerState& before, const ObjectContact& now);
-
-/// What a finger holds, with friction to spare, moves with it.
-void check_grips(const Watched& watched, Findings& found);
 
 }  // namespace palpate

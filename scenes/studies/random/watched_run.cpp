@@ -11,6 +11,7 @@
 #include "meshes/plain_numbers.h"
 #include "scenes/studies/random/body_laws.h"
 #include "scenes/studies/random/finger_laws.h"
+#include "scenes/studies/random/sample_laws.h"
 
 namespace palpate {
 
@@ -278,7 +279,8 @@ Trace watch(Simulation& s, Findings* found, RunWriter* recorder) {
         see_overlaps(v);
         check_overlaps(v, *found);
         if (still && !v.first_energy.empty()) check_energy(v, *found);
-        check_grips(v, *found);
+        check_slips(v, *found);
+        check_leaps(v, *found);
     }
     if (found) check_drops(s, *found);
     trace.overlapped = lifted_by_overlaps(v) > 0;
