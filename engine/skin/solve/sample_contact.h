@@ -147,43 +147,50 @@ requires(lane_width<R> == 1 && shares_register<R>) struct SamplesTogether<R> {
 template <class R>
 inline constexpr int samples_together = SamplesTogether<R>::count;
 
+/// sample_surface of `count` samples of a finger alone, from `first` on, which are at x, side by side in a register.
+/// All but meshes.
+template <class R>
+inline void find_primitive_surfaces(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, ShapeKind kind,
+                                    std::size_t first, int count, const Vec3<R>* x, SampleSurface<R>* out) {
+    using T = ScalarOf<R>;
+    using Q = typename SamplesTogether<R>::type;
+    const T* sides = &c.state.contact_side[std::size_t(slot.index) * c.topology->sample_count() + first];
+    Vec3<Q> at{Q(0), Q(0), Q(0)};
+    Q side(0);
+    for (int k = 0; k < count; ++k) {
+        for (int d = 0; d < 3; ++d) set_lane(at[d], k, lane(x[k][d], 0));
+        set_lane(side, k, sides[k]);
+    }
+    auto repeat = [](const Vec3<R>& v) {
+        return Vec3<Q>{repeat_part<Q>(v.x), repeat_part<Q>(v.y), repeat_part<Q>(v.z)};
+    };
+    Mat3<Q> rotation;
+    for (int i = 0; i < 9; ++i) rotation.m[i / 3][i % 3] = repeat_part<Q>(slot.rotation.m[i / 3][i % 3]);
+    const Vec3<Q> local = transposed_times(rotation, at - repeat(slot.position));
+    const SurfacePoint<Q> surface = has_sides(kind)
+                                        ? sided_point(kind, repeat(slot.size), repeat_part<Q>(slot.round), local, side)
+                                        : primitive_point(kind, repeat(slot.size), local);
+    for (int k = 0; k < count; ++k) {
+        auto part = [&](const Vec3<Q>& v) { return Vec3<R>{R(lane(v.x, k)), R(lane(v.y, k)), R(lane(v.z, k))}; };
+        const R distance = counted_distance(c, slot, first + std::size_t(k), R(lane(surface.distance, k)));
+        out[k] = {part(local), {distance, part(surface.normal)}};
+    }
+}
+
 /// sample_surface of `count` samples from `first` on, which are at x.
 template <class R>
 inline void find_sample_surfaces(const SkinChunk<ScalarOf<R>>& c, const Slot<R>& slot, std::size_t first, int count,
                                  const Vec3<R>* x, SampleSurface<R>* out) {
-    using T = ScalarOf<R>;
-    const auto kind = std::find_if(slot.lanes->of_kind.begin(), slot.lanes->of_kind.end(),
-                                   [](unsigned lanes) { return lanes != 0; }) -
-                      slot.lanes->of_kind.begin();
-    if (samples_together<R> == 1 || !slot.all_here || ShapeKind(kind) == ShapeKind::mesh) {
-        for (int k = 0; k < count; ++k) out[k] = sample_surface(c, slot, first + std::size_t(k), x[k]);
-        return;
-    }
-    if constexpr (samples_together < R >> 1) {
-        using Q = typename SamplesTogether<R>::type;
-        const T* sides = &c.state.contact_side[std::size_t(slot.index) * c.topology->sample_count() + first];
-        Vec3<Q> at{Q(0), Q(0), Q(0)};
-        Q side(0);
-        for (int k = 0; k < count; ++k) {
-            for (int d = 0; d < 3; ++d) set_lane(at[d], k, lane(x[k][d], 0));
-            set_lane(side, k, sides[k]);
-        }
-        auto repeat = [](const Vec3<R>& v) {
-            return Vec3<Q>{repeat_part<Q>(v.x), repeat_part<Q>(v.y), repeat_part<Q>(v.z)};
-        };
-        Mat3<Q> rotation;
-        for (int i = 0; i < 9; ++i) rotation.m[i / 3][i % 3] = repeat_part<Q>(slot.rotation.m[i / 3][i % 3]);
-        const Vec3<Q> local = transposed_times(rotation, at - repeat(slot.position));
-        const SurfacePoint<Q> surface =
-            has_sides(ShapeKind(kind))
-                ? sided_point(ShapeKind(kind), repeat(slot.size), repeat_part<Q>(slot.round), local, side)
-                : primitive_point(ShapeKind(kind), repeat(slot.size), local);
-        for (int k = 0; k < count; ++k) {
-            auto part = [&](const Vec3<Q>& v) { return Vec3<R>{R(lane(v.x, k)), R(lane(v.y, k)), R(lane(v.z, k))}; };
-            out[k] = {part(local), {R(lane(surface.distance, k)), part(surface.normal)}};
-            out[k].surface.distance = counted_distance(c, slot, first + std::size_t(k), out[k].surface.distance);
+    if constexpr (samples_together<R> != 1) {
+        const auto& kinds = slot.lanes->of_kind;
+        const auto kind = ShapeKind(
+            std::find_if(kinds.begin(), kinds.end(), [](unsigned lanes) { return lanes != 0; }) - kinds.begin());
+        if (slot.all_here && kind != ShapeKind::mesh) {
+            find_primitive_surfaces(c, slot, kind, first, count, x, out);
+            return;
         }
     }
+    for (int k = 0; k < count; ++k) out[k] = sample_surface(c, slot, first + std::size_t(k), x[k]);
 }
 
 /// One sample against one slot's objects. Slip is how far the sample moved over the object in this step, measured
