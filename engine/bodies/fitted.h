@@ -80,6 +80,8 @@ inline constexpr double largest_scale_double = 1e5, largest_scale_float = 4e3;
 /// An overlap that updates leave at more than this share of what it was is jammed: so many of them, or one where it is
 /// deeper than so much [m] (towers of random scenes: 4 mm after five updates, 0.07 mm after 140).
 inline constexpr double jam_share = 0.9, jam_depth = 5e-4;
+/// What is deeper than that is not updated while more than this share of contact forces is unbalanced.
+inline constexpr double deep_gate = 1e-3;
 inline constexpr int most_vain_updates = 3;
 
 // --- Static equilibrium (anchors.cpp) ---

@@ -317,11 +317,12 @@ TEST(Stress, RandomScenesBreakNoLaw) {
 /// step without bound (1030701), a mesh's corner between nodes (2401135), a box's edge behind nodes that it turned
 /// (2600058); in single precision a finger on the rim of a cylinder, whose reported force was turned by a rounding
 /// (1800828); bodies that were thrown out of overlaps which contradict each other (3000227, 3000308); nodes that
-/// leapt through a thick box (2101443), and one that had come in beside the pad (2102225).
+/// leapt through a thick box (2101443), one that had come in beside the pad (2102225), and multipliers of what was 3 mm
+/// deep (2125733).
 TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     const ScratchFolder folder;
     for (const char* seed : {"190", "421", "1093", "1012206", "1012281", "1020712", "1030701", "2401135", "2600058",
-                             "1800828", "2101443", "2102225", "3000227", "3000308"}) {
+                             "1800828", "2101443", "2102225", "2125733", "3000227", "3000308"}) {
         const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) + " --out " +
                                           folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
