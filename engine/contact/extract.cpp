@@ -173,6 +173,30 @@ void measure_touching(ContactSurface& out) {
     out.touching_area = out.touching > 0 ? area_in_contact(out) : 0;
 }
 
+/// Forces that contradict each other: samples of one face, or a node, are pushed one way by one object and back by
+/// another, deep in both of them. Each update of multipliers makes them larger, and nothing else feels them. They let
+/// go, and what is reported is what nodes feel.
+template <class T>
+bool let_go_of_contradictions(SkinChunk<T>& c, int lane, ContactSurface& out) {
+    SkinStatus& status = c.status[std::size_t(lane)];
+    if (status.converged || status.penetration_m < fitted::contradicts_from) return false;
+    double felt = 0;
+    for (const Vec3<double>& f : out.pressing) felt += norm(f);
+    if (felt >= fitted::contradicts_below * out.normal_force) return false;
+    const double share = felt / out.normal_force;
+    out.normal_force = status.contact_force_N = felt;
+    for (ObjectContact& o : out.objects) o.normal_force *= share, o.friction_available *= share;
+    const auto W = std::size_t(c.width), l = std::size_t(lane), S = c.topology->sample_count();
+    for (std::size_t i = 0; i < std::size_t(c.contacts.count[l]) * S; ++i) {
+        c.state.normal_multiplier[i * W + l] = T(0);
+        if (!c.has_friction) continue;
+        for (std::size_t k = 0; k < 3; ++k) c.state.tangential_multiplier[(3 * i + k) * W + l] = T(0);
+        c.state.friction_radius[i * W + l] = T(0);
+    }
+    c.state.penalty_scale[W + l] = T(1);
+    return true;
+}
+
 template <class T>
 void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, ContactSurface& out) {
     const SkinTopology& t = *c.topology;
@@ -246,8 +270,9 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     const double share = std::max(fitted::own_residual, 3 * tolerance);
     const bool unbalanced = status.residual_N > std::max(share * status.contact_force_N, fitted::own_rounding);
     if (status.wrong_sides > 0 || unbalanced) status.converged = false;
-    out.rough = !status.converged && status.contact_force_N > fitted::rough_from &&
-                status.residual_N > detail::fitted::rough_share * status.contact_force_N;
+    const bool contradicts = let_go_of_contradictions(c, lane, out);
+    out.rough = contradicts || (!status.converged && status.contact_force_N > fitted::rough_from &&
+                                status.residual_N > detail::fitted::rough_share * status.contact_force_N);
     out.rough_steps += out.rough;
 }
 

@@ -10,6 +10,9 @@ inline constexpr double rough_from = 0.05;
 /// solver's tolerance), and by more than this [N], has not converged, whatever its island says (random scene 1093: ten
 /// fingers under bodies of some grams, in single precision).
 inline constexpr double own_residual = 1e-3, own_rounding = 1e-3;
+/// Normal forces of which nodes feel less than this share contradict each other, where skin is so deep in something [m]
+/// and has not converged (a step of 1 mm on a table, whose lower face is covered: 1e10 N, of which 2 N were felt).
+inline constexpr double contradicts_below = 0.1, contradicts_from = 1e-4;
 /// A sample that touches bears what presses around it, out to where contact ends: its force over its whole share of the
 /// skin is less than the pressure there, by about this factor (a sphere on a deep block, moved over a mesh of 1, 2 and
 /// 3 cells across the contact's radius: test `Hertz.AreaBetweenNodes`).
@@ -29,6 +32,9 @@ inline constexpr double looks_at_face = 0.8, on_face = 2e-5;
 /// Gaps no wider than this between faces that are level to this are bridged: skin spans them, where a sample of it
 /// would sink in and hang (keys and tiles 0.2 and 1 mm apart) [m].
 inline constexpr double bridge = 1.1e-3, level = 1e-4;
+/// Cosine between skin's outward normal and the way into a face, from which on the skin lies on that face, whatever
+/// covers it beside: a table's top, of which a box covers a part (steps of 0.5 to 3 mm, `Seams.AStepOnATableIsClimbed`).
+inline constexpr double against_face = 0.5;
 
 // --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
 /// Rounding of the way from a point to the nearest one of a triangle some centimetres large [m].

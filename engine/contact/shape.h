@@ -39,7 +39,7 @@ inline SurfacePoint<R> sphere_point(const Vec3<R>& offset, const R& radius) {
 /// nearest face. For a point with a side (ContactSide) the box goes on for ever behind that face, and beyond its middle
 /// that face is the way out: however far a step takes the point, it stays on the side it was on. For one with a strict
 /// side that face is the way out wherever the point is inside; a bridged side reaches `bridge` beyond its rim, along
-/// one other axis or both.
+/// one other axis or both. A covered face is none: the box goes on beyond it for as much.
 template <class R, bool sided = false>
 inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R& side = R(0)) {
     using T = ScalarOf<R>;
@@ -48,8 +48,12 @@ inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R&
     MaskOf<R> beyond = R(1) < R(0);
     R through(0), number(0);
     MaskOf<R> strict = beyond, along_next = beyond, along_last = beyond;
+    R covered(0);
     if constexpr (sided) {
         number = absolute(side);
+        const MaskOf<R> covers = number > R(T(15.5));
+        covered = select(covers, number - R(T(15)), R(0));
+        number = select(covers, R(0), number);
         strict = number > R(T(3.5));
         along_last = number > R(T(9.5));
         const MaskOf<R> both = number > R(T(12.5)), bridged = number > R(T(6.5));
@@ -59,19 +63,24 @@ inline SurfacePoint<R> box_point(const Vec3<R>& x, const Vec3<R>& half, const R&
     }
     auto on_axis = [&](int axis) { return absolute(number - R(T(axis + 1))) < R(T(0.5)); };
     for (int i = 0; i < 3; ++i) {
-        sign[i] = select(x[i] < R(0), R(-1), R(1));
-        R along = absolute(x[i]);
+        R at = x[i], size = half[i];
+        const R own = select(side < R(0), R(-1), R(1));
+        if constexpr (sided) {
+            const R more = select(absolute(covered - R(T(i + 1))) < R(T(0.5)), R(T(fitted::bridge / 2)), R(0));
+            at = at - own * more, size = size + more;
+        }
+        sign[i] = select(at < R(0), R(-1), R(1));
+        R along = absolute(at);
         if constexpr (sided) {
             const MaskOf<R> mine = on_axis(i);
-            const R own = select(side < R(0), R(-1), R(1));
             sign[i] = select(mine, own, sign[i]);
-            along = select(mine, own * x[i], along);
+            along = select(mine, own * at, along);
             const MaskOf<R> passed = mine & (strict | (along < R(0)));
             beyond = beyond | passed;
             exit[i] = select(passed, own, R(0));
-            through = select(passed, along - half[i], through);
+            through = select(passed, along - size, through);
         }
-        q[i] = along - half[i];
+        q[i] = along - size;
         if constexpr (sided) {
             const MaskOf<R> reaches = (along_next & on_axis((i + 2) % 3)) | (along_last & on_axis((i + 1) % 3));
             q[i] = select(reaches, q[i] - R(T(fitted::bridge)), q[i]);
@@ -158,7 +167,7 @@ inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind ==
 
 /// The same for a point on one side of a shape that has sides: 1, 2, 3 for the faces towards +x, +y, +z, negative for
 /// the others; 0: none; strict sides are 4, 5, 6; bridged along the next axis 7, 8, 9, along the one after it 10, 11,
-/// 12, along both 13, 14, 15. Edges are rounded with a radius.
+/// 12, along both 13, 14, 15; 16, 17, 18 are no sides but covered faces. Edges are rounded with a radius.
 template <class R>
 inline SurfacePoint<R> sided_point(ShapeKind kind, const Vec3<R>& size, const R& round, const Vec3<R>& x,
                                    const R& side) {

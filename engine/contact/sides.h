@@ -24,8 +24,13 @@ inline int side_in_step(const Shape& shape, const Vec3<double>& x, int before, d
 /// (sided_point).
 inline constexpr int strict_side = 3;
 
+/// What is added to the number of a face that something covers: a point there is on no side.
+inline constexpr int covered_face = 15;
+
 /// A side without what makes it strict.
-inline int plain_side(int side) { return side == 0 ? 0 : side < 0 ? -1 - (-1 - side) % 3 : 1 + (side - 1) % 3; }
+inline int plain_side(int side) {
+    return std::abs(side) > covered_face || side == 0 ? 0 : side < 0 ? -1 - (-1 - side) % 3 : 1 + (side - 1) % 3;
+}
 inline int add_to_side(int side, int more) { return side < 0 ? side - more : side + more; }
 
 /// The same for a point of a surface, as of skin, whose outward normal is `outward` (object's frame; zero: it has
@@ -86,6 +91,42 @@ int bridge_side(const Shape& shape, const Vec3<double>& x, int side, double trav
         if (is_level(p)) along += k;
     }
     return add_to_side(side, strict_side * along);
+}
+
+/// The side of a point, or the face near it that is no way out, since something else begins right behind it (as a table
+/// under a box): what slides on the table into the box's wall is as near to the box's bottom as it can be, and would
+/// pass under it. `is_covered(point)` says whether a point (object's frame) is well inside another object. Skin
+/// whose outward normal is against a face lies on it, and not on what covers it. What knows that it is on another side
+/// (a strict one, or the opposite face of something thin) keeps that.
+template <class IsCovered>
+int cover_side(const Shape& shape, const Vec3<double>& x, const Vec3<double>& outward, int side, double travel,
+               IsCovered is_covered) {
+    if (!has_sides(shape.kind) || side != plain_side(side)) return side;
+    const bool disc = shape.kind == ShapeKind::cylinder;
+    const double near = travel + fitted::bridge;
+    for (int axis = disc ? 2 : 0; axis < 3; ++axis) {
+        const double half = disc ? shape.size.y : shape.size[axis];
+        const int towards = x[axis] < 0 ? -1 : 1, face = towards * (axis + 1);
+        const double over = towards * x[axis] - half;
+        if (over < -fitted::bridge || over > fitted::level || side == -face) continue;
+        if (towards * outward[axis] < -fitted::against_face) continue;
+        Vec3<double> p = x;
+        p[axis] = towards * (half + fitted::level);
+        if (disc) {
+            const double beside = std::hypot(x.x, x.y), most = shape.size.x - fitted::level;
+            if (beside - shape.size.x > near) continue;
+            if (beside > most) p.x *= most / beside, p.y *= most / beside;
+        } else {
+            const int next = (axis + 1) % 3, last = (axis + 2) % 3;
+            if (std::abs(x[next]) - shape.size[next] > near || std::abs(x[last]) - shape.size[last] > near) continue;
+            for (int i : {next, last}) {
+                const double most = std::max(shape.size[i] - fitted::level, 0.0);
+                p[i] = std::clamp(x[i], -most, most);
+            }
+        }
+        if (is_covered(p)) return add_to_side(face, covered_face);
+    }
+    return side;
 }
 
 }  // namespace palpate

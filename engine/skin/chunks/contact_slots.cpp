@@ -141,17 +141,21 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
     const LaneContact& o = c.contacts.at(slot, lane);
     const Vec3<double> outward =
         transposed_times(rotation_matrix(o.start.rotation), skin_normal_of_sample(c, sample, lane));
-    const int side = side_of_surface(o.shape, local, outward, before, travel);
-    if (side == 0) return side_of_thick(o.shape, local, plain_side(before));
-    if (side == plain_side(side)) return side;
-    return bridge_side(o.shape, local, side, travel, [&](const Vec3<double>& beyond) {
-        const Vec3<double> p = transform(o.start, beyond);
+    auto is_in_another = [&](const Vec3<double>& point, double deeper) {
+        const Vec3<double> p = transform(o.start, point);
         for (int k = 0; k < c.contacts.count[std::size_t(lane)]; ++k) {
             const LaneContact& other = c.contacts.at(k, lane);
-            if (k != slot && other.finger < 0 && surface_point(other.shape, other.start, p).distance < 0) return true;
+            if (k != slot && other.finger < 0 && surface_point(other.shape, other.start, p).distance < -deeper)
+                return true;
         }
         return false;
-    });
+    };
+    int side = side_of_surface(o.shape, local, outward, before, travel);
+    if (side != plain_side(side))
+        return bridge_side(o.shape, local, side, travel, [&](const Vec3<double>& p) { return is_in_another(p, 0); });
+    if (side == 0) side = side_of_thick(o.shape, local, plain_side(before));
+    return cover_side(o.shape, local, outward, side, travel,
+                      [&](const Vec3<double>& p) { return is_in_another(p, fitted::level / 2); });
 }
 
 /// Sides and overlaps of one lane's samples with one object.
