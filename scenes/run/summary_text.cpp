@@ -59,7 +59,7 @@ std::string remarks(const Summary& s) {
     out += remark(
         s, [](F f) { return double(f.wrong_side_steps); }, 0, "%.0f",
         "in # steps an object pressed on it from inside its skin (it has passed through): use smaller steps (dt_ms), "
-        "or objects thicker than a finger moves in one");
+        "objects thicker than a finger moves in one, or closer samples (solver.sample_refinement)");
     out += remark(
         s, [](F f) { return double(f.rough_steps); }, 0, "%.0f",
         "# steps ended too far from balance to be sent to a thimble, which kept its last command: use more iterations "

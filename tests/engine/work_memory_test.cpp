@@ -119,7 +119,7 @@ TEST_P(WorkMemoryOf, SharedOrNotAStepIsTheSameBits) {
 /// Where few fingers are, each chunk has its own, and no more.
 TEST(WorkMemory, FewFingersShareNone) {
     SceneSpec spec = many_fingers({"", true, 1, Material::corotational});
-    spec.fingers.resize(20);
+    spec.fingers.resize(8);
     EXPECT_TRUE(build_world(spec).chunks.work.empty());
 }
 
