@@ -33,7 +33,8 @@ inline constexpr double looks_at_face = 0.8, on_face = 2e-5;
 /// would sink in and hang (keys and tiles 0.2 and 1 mm apart) [m].
 inline constexpr double bridge = 1.1e-3, level = 1e-4;
 /// Cosine between skin's outward normal and the way into a face, from which on the skin lies on that face, whatever
-/// covers it beside: a table's top, of which a box covers a part (steps of 0.5 to 3 mm, `Seams.AStepOnATableIsClimbed`).
+/// covers it beside: a table's top, of which a box covers a part (steps of 0.5 to 3 mm,
+/// `Seams.AStepOnATableIsClimbed`).
 inline constexpr double against_face = 0.5;
 
 // --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
