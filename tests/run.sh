@@ -6,4 +6,4 @@ cd "$here/.."
 .ci/install-packages libumockdev-dev umockdev pkgconf python3 python3-numpy
 cmake --preset release -DPALPATE_TESTS=ON -DPALPATE_BENCH=OFF
 cmake --build --preset release
-ctest --preset release -j"$(($(nproc) + 2))" "$@"  # a third of them mostly wait
+ctest --preset release -j"$(($(nproc) + 3))" "$@"  # a third of them mostly wait

@@ -16,6 +16,10 @@
 
 namespace palpate::testing {
 
+/// Whether the case of this number is tried: of a test's many cases every `of`-th is in each run, all with
+/// PALPATE_ALL_CASES, as the nightly preset has it.
+inline bool is_tried(int number, int of) { return std::getenv("PALPATE_ALL_CASES") || number % of == 0; }
+
 /// A block of nx x ny x nz cubes of edge h, six tetrahedra each, centred at the origin. The top layer of
 /// nodes belongs to the bone, the bottom layer is the pad.
 TetMesh block_mesh(int nx, int ny, int nz, double h);

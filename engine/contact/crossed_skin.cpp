@@ -274,17 +274,17 @@ int nodes_through_walls(SkinChunk<T>& c, int lane, const ContactSurface& surface
         if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind != ShapeKind::mesh) continue;
         const bool moves = !c.status[std::size_t(lane)].reset && travel(c, lane, o) > fast * surface.longest_edge;
         for (std::size_t s = 0; s < t.samples.size(); ++s) {
-            T& through = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * std::size_t(c.width) +
-                                              std::size_t(lane)];
+            T& side = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * std::size_t(c.width) +
+                                           std::size_t(lane)];
             if (moves) {
                 const T* x = &c.scratch.start_position[std::size_t(3 * t.samples[s] * c.width + lane)];
                 const Vec3<double> before =
                     lane_origin(c, lane) + Vec3<double>{double(x[0]), double(x[c.width]), double(x[2 * c.width])};
                 const Vec3<double> now = transform(surface.bone, surface.position[s]);
                 if (leads_through(*o.shape.mesh, inverse_transform(o.start, before), inverse_transform(o.pose, now)))
-                    through = T(1) - through;
+                    side += int(side) % covered_mesh == 0 ? T(1) : T(-1);
             }
-            count += through > T(0);
+            count += int(side) % covered_mesh;
         }
     }
     return count;

@@ -65,6 +65,10 @@ Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size
         for (int k = 1; k < 3; ++k) x += T(f.weight[k]) * node(f.node[k]);
     }
     const Vec3<T> local = transposed_times(rotation, x - position);
+    if (o.shape.kind == ShapeKind::mesh && side >= T(covered_mesh)) {
+        const Vec3<double> at{double(local.x), double(local.y), double(local.z)};
+        return rotation_matrix(o.pose.rotation) * foot_point(o.shape, at, mesh_contact_distance).normal;
+    }
     const Vec3<T> size{T(o.shape.size.x), T(o.shape.size.y), T(o.shape.size.z)};
     const Vec3<T> n =
         rotation * (has_sides(o.shape.kind) ? sided_point(o.shape.kind, size, T(o.shape.round), local, side)

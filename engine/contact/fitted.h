@@ -36,6 +36,9 @@ inline constexpr double bridge = 1.1e-3, level = 1e-4;
 /// covers it beside: a table's top, of which a box covers a part (steps of 0.5 to 3 mm,
 /// `Seams.AStepOnATableIsClimbed`).
 inline constexpr double against_face = 0.5;
+/// Walls of a mesh go straight down to what it stands on where they are within so much (a cosine) of upright, so many
+/// cells of its smooth field high. Cosine between the ways up of what is one ground.
+inline constexpr double steep_wall = 0.5, round_foot = 1.5, one_ground = 0.9;
 
 // --- Distances to meshes (mesh_distance_field.cpp, mesh_distance_walls.cpp) ---
 /// Rounding of the way from a point to the nearest one of a triangle some centimetres large [m].

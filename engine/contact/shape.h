@@ -17,6 +17,10 @@ struct Shape {
     Vec3<double> size{0, 0, 0};          ///< [m]
     const DistanceMesh* mesh = nullptr;  ///< of kind mesh; owned by the object
     double round = 0;                    ///< radius of a box's edges, or of a cylinder's rims [m]
+    /// Of a mesh that stands on something, for points at its foot (covered_mesh): the way up from there, of length one,
+    /// and how far up its walls go straight down, from the mesh's origin [m].
+    Vec3<double> up{0, 0, 0};
+    double foot = 0;
 };
 
 template <class R>
@@ -162,6 +166,21 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
     return {x.z, {R(0), R(0), R(1)}};
 }
 
+/// The number of a point's side, or more, where it is at the foot of a mesh that stands on something: the mesh's lower
+/// face is no way out there.
+inline constexpr int covered_mesh = 2;
+
+/// Distance and normal of a point at the foot of a mesh, by `distance` of higher up: its walls go straight down to what
+/// it stands on, although edges of a smooth field are round, and although the lower face is nearer.
+template <class Distance>
+MeshPoint foot_point(const Shape& shape, const Vec3<double>& x, Distance distance) {
+    const double below = shape.foot - dot(shape.up, x);
+    if (!(below > 0)) return distance(*shape.mesh, x);
+    MeshPoint p = distance(*shape.mesh, x + below * shape.up);
+    p.normal -= dot(p.normal, shape.up) * shape.up;
+    return p;
+}
+
 /// Whether points remember the face of such a shape that they are on: box and cylinder (its ends), which may be thin.
 inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
 
@@ -210,10 +229,15 @@ inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>
 /// The same for a point on one side of it.
 inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>& pose, const Vec3<double>& x,
                                           int side) {
-    if (side == 0 || !has_sides(shape.kind)) return surface_point(shape, pose, x);
+    const bool at_foot = shape.kind == ShapeKind::mesh && side >= covered_mesh;
+    if (!at_foot && (side == 0 || !has_sides(shape.kind))) return surface_point(shape, pose, x);
     const Mat3<double> rotation = rotation_matrix(pose.rotation);
-    SurfacePoint<double> s =
-        sided_point(shape.kind, shape.size, shape.round, transposed_times(rotation, x - pose.position), double(side));
+    const Vec3<double> local = transposed_times(rotation, x - pose.position);
+    if (at_foot) {
+        const MeshPoint p = foot_point(shape, local, mesh_surface_distance);
+        return {p.distance, rotation * p.normal};
+    }
+    SurfacePoint<double> s = sided_point(shape.kind, shape.size, shape.round, local, double(side));
     s.normal = rotation * s.normal;
     return s;
 }

@@ -81,6 +81,7 @@ TEST(Hertz, SphereOnADeepBlock) {
     const double modulus = block_young / (1 - block_poisson * block_poisson);
     double last_force = 1, last_pressure = 1;
     for (int fine : {2, 3, 4}) {
+        if (fine == 4 && !testing::is_tried(1, 2)) break;
         const Indentation found = indent(fine);
         const double force = found.force / force_of(found.depth, found.level) - 1;
         const double peak = std::cbrt(6 * found.force * modulus * modulus / (sphere_radius * sphere_radius)) / M_PI;

@@ -43,8 +43,10 @@ TEST(Soft, BodiesSlideOnTissueAsCoulombSays) {
     const char* puck = "kind = \"cylinder\"\nradius_mm = 15\nlength_mm = 10\nmass_g = 50";
     const char* ball = "kind = \"sphere\"\nradius_mm = 10\nmass_g = 30";
     const char* rod = "kind = \"capsule\"\nradius_mm = 8\nlength_mm = 20\nmass_g = 30\nrotation_deg = [90, 0, 0]";
-    for (const Case& c : {Case{box, 5, 0, 1000, 0.05}, Case{box, 5, 0.2, 1000, 0.1}, Case{box, 5, 0, 3000, 0.05},
-                          Case{puck, 5, 0, 3000, 0.05}, Case{ball, 10, 0, 1000, 0.05}, Case{rod, 8, 0, 1000, 0.05}}) {
+    int number = 0;
+    for (const Case& c : {Case{box, 5, 0.2, 1000, 0.1}, Case{box, 5, 0, 3000, 0.05}, Case{ball, 10, 0, 1000, 0.05},
+                          Case{puck, 5, 0, 3000, 0.05}, Case{rod, 8, 0, 1000, 0.05}, Case{box, 5, 0, 1000, 0.05}}) {
+        if (!testing::is_tried(number++, 2)) continue;
         const Simulation s = slid(on_tissue(c.body, c.height_mm, c.friction, c.elements));
         const Vec3<double> at = s.world.shapes[1].pose.position;
         const double right = 0.5 * 0.18 * 0.18 * (3.35522 - c.friction * 9.21838), along = at.x + 0.04;

@@ -304,7 +304,7 @@ TEST(Stress, RandomScenesBreakNoLaw) {
     // Uniform fingers, those of which nothing is said, short ones of both, of what fewer people write, and of what
     // hands do with things.
     for (const auto& [seed, few] :
-         {std::pair{"1", "3"}, {"100000", "3"}, {"1000000", "25"}, {"2000000", "10"}, {"3000000", "10"}}) {
+         {std::pair{"1", "1"}, {"100000", "2"}, {"1000000", "8"}, {"2000000", "4"}, {"3000000", "4"}}) {
         const Outcome o = palpate_program("stress --random " + std::string(count ? count : few) + " --seed " + seed +
                                           " --no-shrink --out " + folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;

@@ -158,6 +158,27 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
                       [&](const Vec3<double>& p) { return is_in_another(p, fitted::level / 2); });
 }
 
+/// The number of a sample's side to a mesh: 1 where it is through a wall (nodes_through_walls), and covered_mesh more
+/// at the foot of a mesh that stands on something. `x`: the sample, world.
+template <class T>
+int side_of_mesh(SkinChunk<T>& c, int slot, int lane, const Vec3<double>& x, int before, double travel) {
+    LaneContact& o = c.contacts.at(slot, lane);
+    const Vec3<double> local = inverse_transform(o.start, x);
+    const int through = before % covered_mesh;
+    for (int k = 0; k < c.contacts.count[std::size_t(lane)]; ++k) {
+        const LaneContact& other = c.contacts.at(k, lane);
+        if (k == slot || other.finger >= 0 || other.stiffness > 0) continue;
+        const SurfacePoint<double> ground = surface_point(other.shape, other.start, x);
+        const Vec3<double> up = transposed_times(rotation_matrix(o.start.rotation), ground.normal);
+        const auto distance_to_ground = [&](const Vec3<double>& point) {
+            return surface_point(other.shape, other.start, transform(o.start, point)).distance;
+        };
+        if (is_at_foot(o.shape, local, up, ground.distance, before >= covered_mesh, travel, distance_to_ground))
+            return through + covered_mesh;
+    }
+    return through;
+}
+
 /// Sides and overlaps of one lane's samples with one object.
 template <class T>
 void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& settings) {
@@ -165,9 +186,11 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
     // too, in solves that end early: those are left to the solve.
     constexpr double begins = 1e-3, ends = 2e-5;
     const SkinTopology& t = *c.topology;
-    const LaneContact& o = c.contacts.at(slot, lane);
+    LaneContact& o = c.contacts.at(slot, lane);
     ContactSlot& all = c.contacts.slot[std::size_t(slot)];
     const bool sided = has_sides(o.shape.kind), soft = o.stiffness > 0;
+    const bool stands = o.shape.kind == ShapeKind::mesh && !soft && c.contacts.count[std::size_t(lane)] > 1;
+    o.shape.up = {0, 0, 0};
     all.sided |= sided;
     const Vec3<double> origin{double(c.state.origin[std::size_t(lane)]),
                               double(c.state.origin[std::size_t(c.width + lane)]),
@@ -180,14 +203,15 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
         T &side = c.state.contact_side[i], &offset = c.state.contact_offset[i];
         const bool touched = c.state.normal_multiplier[i] > 0 || offset < 0 || o.fresh;
         const bool bulges = curved && s < t.samples.size();
-        if (!sided && !touched && !bulges) continue;
+        if (!sided && !stands && !touched && !bulges) continue;
         const Vec3<double> x = origin + start_of_sample(c, s, lane);
-        if (sided) {
+        if (sided || stands) {
             const T* v = &c.state.velocity[std::size_t(3 * node_of_sample(t, s) * c.width + lane)];
             const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
             const Vec3<double> local = inverse_transform(o.start, x);
             const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
-            side = T(side_of_sample(c, slot, lane, s, local, int(side), travel));
+            side = T(sided ? side_of_sample(c, slot, lane, s, local, int(side), travel)
+                           : side_of_mesh(c, slot, lane, x, int(side), travel));
         }
         if (!bulges && (soft || !touched || !settings.inertia)) continue;
         const SurfacePoint<double> near = surface_point(o.shape, o.start, x, int(side));

@@ -57,17 +57,20 @@ inline Slot<R> read_slot(const SkinChunk<ScalarOf<R>>& c, int index) {
     return s;
 }
 
-/// Distance and normal of the meshes of one slot, every lane by itself.
+/// Distance and normal of the meshes of one slot, every lane by itself. `sample` counts samples over all slots.
 template <class R>
-inline SurfacePoint<R> mesh_points(const SkinChunk<ScalarOf<R>>& c, int slot, const Vec3<R>& x) {
+inline SurfacePoint<R> mesh_points(const SkinChunk<ScalarOf<R>>& c, int slot, std::size_t sample, const Vec3<R>& x) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
     alignas(64) T values[4 * W] = {};
     const unsigned lanes = c.contacts.slot[std::size_t(slot)].of_kind[std::size_t(ShapeKind::mesh)];
     for (int l = 0; l < W; ++l) {
         if (!((lanes >> l) & 1u)) continue;
-        const MeshPoint p = mesh_contact_distance(*c.contacts.at(slot, l).shape.mesh,
-                                                  {double(lane(x.x, l)), double(lane(x.y, l)), double(lane(x.z, l))});
+        const Shape& shape = c.contacts.at(slot, l).shape;
+        const Vec3<double> at{double(lane(x.x, l)), double(lane(x.y, l)), double(lane(x.z, l))};
+        const bool at_foot = c.state.contact_side[sample * W + std::size_t(l)] >= T(covered_mesh);
+        const MeshPoint p =
+            at_foot ? foot_point(shape, at, mesh_contact_distance) : mesh_contact_distance(*shape.mesh, at);
         values[l] = T(p.distance);
         values[W + l] = T(p.normal.x), values[2 * W + l] = T(p.normal.y), values[3 * W + l] = T(p.normal.z);
     }
@@ -92,7 +95,7 @@ inline SurfacePoint<R> slot_surface(const SkinChunk<ScalarOf<R>>& c, const Slot<
         if (here == 0) continue;
         const ShapeKind kind = ShapeKind(k);
         const SurfacePoint<R> p =
-            kind == ShapeKind::mesh ? mesh_points<R>(c, slot.index, x)
+            kind == ShapeKind::mesh ? mesh_points<R>(c, slot.index, sample, x)
             : has_sides(kind)
                 ? sided_point(kind, slot.size, slot.round, x, load<R>(&c.state.contact_side[sample * lane_width<R>]))
                 : primitive_point(kind, slot.size, x);
