@@ -323,6 +323,7 @@ TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     const ScratchFolder folder;
     for (const char* seed : {"190", "421", "1093", "1012206", "1012281", "1020712", "1030701", "2401135", "2600058",
                              "1800828", "2101443", "2102225", "2125733", "3000227", "3000308"}) {
+        if (seed == std::string("1030701") && !testing::is_tried(1, 2)) continue;  // longer than all others together
         const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) + " --out " +
                                           folder.path.string());
         EXPECT_EQ(o.code, 0) << o.out;
