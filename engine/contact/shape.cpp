@@ -17,4 +17,13 @@ int side_of(const Shape& shape, const Vec3<double>& x, int before) {
     return x[axis] < 0 ? -1 - axis : 1 + axis;
 }
 
+MeshPoint foot_point(const Shape& shape, const Vec3<double>& x,
+                     MeshPoint (*distance)(const DistanceMesh&, const Vec3<double>&)) {
+    const double below = shape.foot - dot(shape.up, x);
+    if (!(below > 0)) return distance(*shape.mesh, x);
+    MeshPoint p = distance(*shape.mesh, x + below * shape.up);
+    p.normal -= dot(p.normal, shape.up) * shape.up;
+    return p;
+}
+
 }  // namespace palpate

@@ -172,14 +172,8 @@ inline constexpr int covered_mesh = 2;
 
 /// Distance and normal of a point at the foot of a mesh, by `distance` of higher up: its walls go straight down to what
 /// it stands on, although edges of a smooth field are round, and although the lower face is nearer.
-template <class Distance>
-MeshPoint foot_point(const Shape& shape, const Vec3<double>& x, Distance distance) {
-    const double below = shape.foot - dot(shape.up, x);
-    if (!(below > 0)) return distance(*shape.mesh, x);
-    MeshPoint p = distance(*shape.mesh, x + below * shape.up);
-    p.normal -= dot(p.normal, shape.up) * shape.up;
-    return p;
-}
+MeshPoint foot_point(const Shape& shape, const Vec3<double>& x,
+                     MeshPoint (*distance)(const DistanceMesh&, const Vec3<double>&));
 
 /// Whether points remember the face of such a shape that they are on: box and cylinder (its ends), which may be thin.
 inline bool has_sides(ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::cylinder; }
