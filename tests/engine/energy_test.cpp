@@ -82,9 +82,11 @@ TEST(Energy, NoPresetGainsAny) {
 /// A ball falls beside the middle of a finger, so far in a step that it passes the skin's curve: contact at the end of
 /// its way pushes along it.
 TEST(Energy, LongStepsPastWhatIsRoundGiveABodyNone) {
+    int number = 0;
     for (double dt : {5e-3, 10e-3, 20e-3})
         for (double aside : {1e-3, 3e-3, 5e-3})
             for (double mass : {1e-3, 3e-3, 30e-3}) {
+                if (!testing::is_tried(number++, 2)) continue;
                 SceneSpec spec;
                 spec.solver.dt = dt;
                 apply_preset(2, spec.solver);
