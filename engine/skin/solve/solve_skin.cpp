@@ -10,7 +10,7 @@ namespace palpate {
 const KernelSet& best_kernels() {
 #if defined(__x86_64__)
     static const KernelSet& best = [&]() -> const KernelSet& {
-        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+        if (avx512_kernels.instructions && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
             __builtin_cpu_supports("avx512dq"))
             return avx512_kernels;
         return __builtin_cpu_supports("avx2") ? avx2_kernels : plain_kernels;
