@@ -245,6 +245,7 @@ TEST(Physics, RecoversFromScrambledStates) {
     std::mt19937 random(9);
     std::normal_distribution<double> n;
     for (int trial = 0; trial < 8; ++trial) {
+        if (!testing::is_tried(trial, 3)) continue;
         auto chunk = make_chunk<double>(mesh, Pose<double>::identity(), {});
         for (double& x : chunk.state.position) x = trial == 0 ? 0 : 0.01 * n(random);
         for (int i = 0; i < 200; ++i) solve_skin(chunk, SolverSettings{});

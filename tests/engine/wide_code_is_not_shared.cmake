@@ -1,7 +1,11 @@
 # Fails where an object of kernels for a wider processor holds weak code that other objects may define, too: one
-# without a lane type, or with a lane type of another register width.
+# without a lane type, or with a lane type of another register width. WIDEST: whether those for AVX-512 are built.
 string(REPLACE "|" ";" objects "${OBJECTS}")
-foreach(unit kernels_avx2:256 kernels_avx512:512)
+set(units kernels_avx2:256)
+if(WIDEST)
+    list(APPEND units kernels_avx512:512)
+endif()
+foreach(unit IN LISTS units)
     string(REGEX REPLACE ":.*" "" name ${unit})
     string(REGEX REPLACE ".*:" "" bits ${unit})
     set(object ${objects})

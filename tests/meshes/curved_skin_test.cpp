@@ -26,6 +26,7 @@ TEST(CurvedSkin, ReachesAsFarAsTheSurfaceWhateverTheMesh) {
     const Surface skin = finger_surface(finger_shape("index"));
     double nodes_off = 0;
     for (const int elements : {347, 1000, 4000}) {
+        if (elements == 4000 && !testing::is_tried(1, 2)) continue;
         const TetMesh mesh = conforming_mesh(skin, {}, {}, {.elements = elements});
         for (const double angle : {0., 10., 20., 30., 40., 50.})
             for (const double roll : {-30., 0., 30.}) {

@@ -440,7 +440,7 @@ TEST(FingerCommands, FiguresOfIndentDoNotDependOnItsRows) {
         EXPECT_EQ(out.code, 0) << out.out;
         return nlohmann::json::parse(out.out)[0];
     };
-    const auto fine = figures("60");
+    const auto fine = figures("40");
     for (const char* steps : {"2", "5"}) {
         const auto few = figures(steps);
         for (const char* name : {"displacement at 1 N [mm]", "displacement at 4 N [mm]", "stiffness at 4 N over 0.5 N"})

@@ -320,7 +320,8 @@ TEST_P(EverySceneAndGrasp, FloatGivesTheForcesOfDouble) {
 }
 
 TEST(RealTime, PresetStaysCloseToTheReference) {
-    auto forces = [](const std::vector<std::string>& overrides) {
+    auto forces = [](std::vector<std::string> overrides) {
+        if (!testing::is_tried(1, 2)) overrides.push_back("duration_s=2");
         Simulation s = make_simulation(load_scene(scenes + "hand.toml", overrides), 2);
         const std::atomic<bool> stop{false};
         run(s, stop, {});

@@ -228,7 +228,8 @@ track = [
 TEST(TrueReadings, WhatPressesFromBesideThePadIsNotRenderedAndIsSaid) {
     CompareOptions options;
     options.methods = {MatchingMethod::constrained, MatchingMethod::force};
-    for (const char* scene : {"hand.toml", "hold_mug.toml"}) {
+    for (const char* scene : {"hold_mug.toml", "hand.toml"}) {
+        if (scene == std::string("hand.toml") && !testing::is_tried(1, 2)) continue;
         const std::string duration = scene == std::string("hand.toml") ? "duration_s=2" : "duration_s=0.8";
         Simulation s = make_simulation(load_scene(scenes + scene, {duration}), 2);
         const auto fingers = compare(s, options, stop, {});

@@ -250,10 +250,49 @@ double lifted_by_overlaps(const Watched& v) {
     return mass * (norm(v.s.world.gravity) * deep + 0.5 * speed * speed);
 }
 
+/// Whether a hand let go of a body on purpose: since it gripped it most firmly, two of its fingers' bones have moved
+/// apart, and the grip has fallen to less than a half. A step then ends what still had friction to spare (seeds
+/// 2144490, 2148926). What slips out of bones that stay is no such thing.
+bool hand_opened(const Simulation& s, std::size_t body) {
+    constexpr double apart_mm = 0.2;
+    const Series& b = s.body_series[body];
+    const std::size_t fingers = s.fingers.size();
+    const auto held = b.column("held");
+    std::vector<std::vector<double>> grip;
+    for (std::size_t i = 0; i < fingers; ++i) grip.push_back(b.column(s.scene.spec.fingers[i].name + "_grip_N"));
+    auto total = [&](std::size_t row) {
+        double sum = 0;
+        for (const auto& g : grip) sum += g[row];
+        return sum;
+    };
+    std::size_t last = 0, firmest = 0;
+    for (std::size_t row = 0; row < held.size(); ++row) {
+        if (held[row] <= 0) continue;
+        last = row;
+        if (total(row) > total(firmest)) firmest = row;
+    }
+    if (total(last) > 0.5 * total(firmest)) return false;
+    auto distance = [&](std::size_t i, std::size_t j, std::size_t row) {
+        double d = 0;
+        for (const char* axis : {"bone_x_mm", "bone_y_mm", "bone_z_mm"})
+            d = std::hypot(d, s.finger_series[i].column(axis)[row] - s.finger_series[j].column(axis)[row]);
+        return d;
+    };
+    for (std::size_t i = 0; i < fingers; ++i)
+        for (std::size_t j = 0; j < i; ++j)
+            if (grip[i][firmest] > 0 && grip[j][firmest] > 0 &&
+                distance(i, j, last) > distance(i, j, firmest) + apart_mm)
+                return true;
+    return false;
+}
+
 void check_drops(const Simulation& s, Findings& found) {
-    for (const BodySummary& b : summarise_bodies(s)) {
+    const std::vector<BodySummary> bodies = summarise_bodies(s);
+    for (std::size_t k = 0; k < bodies.size(); ++k) {
+        const BodySummary& b = bodies[k];
         // One finger alone holds nothing, but may stop what flies.
-        if (b.dropped_at_s < 0 || b.grips.size() < 2 || b.unsettled_steps > 0 || b.resets > 0 || b.converged_share < 1)
+        if (b.dropped_at_s < 0 || b.grips.size() < 2 || b.unsettled_steps > 0 || b.resets > 0 ||
+            b.converged_share < 1 || hand_opened(s, k))
             continue;
         double used = 0;
         for (const GripSummary& g : b.grips) used = std::max(used, g.friction_use);
