@@ -129,12 +129,13 @@ void check_flight(Watched& v, Findings& found) {
         const double aside =
             std::min(norm(moved - dt * now.velocity), norm(moved - (0.5 * dt) * (now.velocity + before.velocity)));
         const double spin = norm(now.angular_momentum - before.angular_momentum);
+        const double kick = b.mass * b.size * left;  // as much angular momentum as the solve may leave, in every step
         const std::string& name = w.shapes[std::size_t(now.object)].name;
         if (speed > left + 1e-9 * fall || aside > dt * left + 1e-9 * (norm(now.centre.position) + 1e-3))
             found.add("what nothing touches falls freely",
                       law_text("%.4f s: %s: %.3g m/s faster than gravity makes it, %.3g mm beside its way", w.time,
                                name.c_str(), speed, 1e3 * aside));
-        if (spin > b.mass * b.size * left + 1e-9 * norm(before.angular_momentum))
+        if (spin > kick + 1e-9 * norm(before.angular_momentum))
             found.add("what nothing touches keeps its angular momentum",
                       law_text("%.4f s: %s: %.3g of %.3g kg m^2/s", w.time, name.c_str(), spin,
                                norm(before.angular_momentum)));
@@ -145,10 +146,9 @@ void check_flight(Watched& v, Findings& found) {
         const double turn = dt * std::max(norm(first), norm(last)),
                      round = dt * norm(b.angular_momentum) / least_moment(b);
         const double off = norm(turn_between(before.centre.rotation, now.centre.rotation) - 0.5 * dt * (first + last));
-        if (off > 0.5 * turn * round * round + 1e-7 + left * dt / b.size)
+        if (off > 0.5 * turn * round * round + 1e-7 + dt * kick / least_moment(b))
             found.add("what nothing touches turns as it spins",
                       law_text("%.4f s: %s: %.3g of %.3g rad in a step", w.time, name.c_str(), off, turn));
-        const double kick = b.mass * b.size * left;  // as much angular momentum as the solve may leave, in every step
         const double most = std::sqrt(energy) + kick / std::sqrt(2 * least_moment(b));
         energy = most * most;
         if (turning_energy(b, now.centre) > energy * (1 + round * round + 1e-6) + 1e-15)
