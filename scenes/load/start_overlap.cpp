@@ -126,14 +126,15 @@ void check_narrow_objects(const Scene& scene, Problems& problems) {
     const FingerSpec* coarsest = nullptr;
     double apart = 0;
     for (const FingerSpec& f : scene.spec.fingers)
-        if (const double own = between_samples(f.mesh); own > apart) apart = own, coarsest = &f;
+        if (const double own = between_samples(f.mesh) / scene.spec.solver.sample_refinement; own > apart)
+            apart = own, coarsest = &f;
     for (const ObjectSpec& o : scene.spec.objects)
         if (coarsest && !o.tissue && width(o.shape) > in_metres && width(o.shape) < times * apart)
             problems.warnings.push_back(problems.placed(
                 nullptr, "object \"" + o.name + "\" is " + mm_text(width(o.shape)) + " wide, and samples of finger \"" +
                              coarsest->name + "\" are " + mm_text(apart) +
-                             " apart: what is so narrow is felt too weakly, or passes between them unfelt; more "
-                             "elements bring them nearer"));
+                             " apart: what is so narrow is felt too weakly, hooks the skin, or passes between them "
+                             "unfelt; a larger solver.sample_refinement, or more elements, bring them nearer"));
 }
 
 /// How wide an object is that tissue may let in between its samples; a mesh is as wide as the box around it [m].

@@ -87,6 +87,12 @@ void move_contacts(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
 
 namespace {
 
+template <class T>
+Vec3<double> origin_of_lane(const SkinChunk<T>& c, int lane) {
+    const double* o = &c.state.origin[std::size_t(lane)];
+    return {o[0], o[c.width], o[2 * c.width]};
+}
+
 /// A sample of a lane at the start of the step, from the lane's origin.
 template <class T>
 Vec3<double> start_of_sample(const SkinChunk<T>& c, std::size_t s, int lane) {
@@ -150,12 +156,20 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
         }
         return false;
     };
+    const Vec3<double> origin = origin_of_lane(c, lane);
+    const auto any_sample = [&](auto is) {
+        for (std::size_t s = 0; s < c.topology->sample_count(); ++s)
+            if (is(inverse_transform(o.start, origin + start_of_sample(c, s, lane)))) return true;
+        return false;
+    };
+    if (const int round = side_round_edge(o.shape, local, outward, plain_side(before), any_sample)) return round;
     int side = side_of_surface(o.shape, local, outward, before, travel);
     if (side != plain_side(side))
         return bridge_side(o.shape, local, side, travel, [&](const Vec3<double>& p) { return is_in_another(p, 0); });
     if (side == 0) side = side_of_thick(o.shape, local, plain_side(before));
-    return cover_side(o.shape, local, outward, side, travel,
+    side = cover_side(o.shape, local, outward, side, travel,
                       [&](const Vec3<double>& p) { return is_in_another(p, fitted::level / 2); });
+    return wall_side(o.shape, local, side);
 }
 
 /// The number of a sample's side to a mesh: 1 where it is through a wall (nodes_through_walls), and covered_mesh more
@@ -192,9 +206,7 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
     const bool stands = o.shape.kind == ShapeKind::mesh && !soft && c.contacts.count[std::size_t(lane)] > 1;
     o.shape.up = {0, 0, 0};
     all.sided |= sided;
-    const Vec3<double> origin{double(c.state.origin[std::size_t(lane)]),
-                              double(c.state.origin[std::size_t(c.width + lane)]),
-                              double(c.state.origin[std::size_t(2 * c.width + lane)])};
+    const Vec3<double> origin = origin_of_lane(c, lane);
     const double recovery = settings.recovery_speed * settings.dt;
     const bool curved = !t.skin_edges.empty();
     for (std::size_t s = 0; s < c.topology->sample_count(); ++s) {
