@@ -140,10 +140,11 @@ double set_rise(SkinChunk<T>& c, int slot, int lane, std::size_t sample, const V
     return double(rise);
 }
 
-/// The side of an object that a sample of a lane is on in this step; `local`: the sample in the object's frame.
+/// The side of an object that a sample of a lane is on in this step; `local`: the sample in the object's frame;
+/// `wraps`: whether skin wraps its edges.
 template <class T>
 int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample, const Vec3<double>& local, int before,
-                   double travel) {
+                   double travel, bool wraps) {
     const LaneContact& o = c.contacts.at(slot, lane);
     const Vec3<double> outward =
         transposed_times(rotation_matrix(o.start.rotation), skin_normal_of_sample(c, sample, lane));
@@ -162,14 +163,15 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
             if (is(inverse_transform(o.start, origin + start_of_sample(c, s, lane)))) return true;
         return false;
     };
-    if (const int round = side_round_edge(o.shape, local, outward, plain_side(before), any_sample)) return round;
+    if (const int round = wraps ? side_round_edge(o.shape, local, outward, plain_side(before), any_sample) : 0)
+        return round;
     int side = side_of_surface(o.shape, local, outward, before, travel);
     if (side != plain_side(side))
         return bridge_side(o.shape, local, side, travel, [&](const Vec3<double>& p) { return is_in_another(p, 0); });
     if (side == 0) side = side_of_thick(o.shape, local, plain_side(before));
     side = cover_side(o.shape, local, outward, side, travel,
                       [&](const Vec3<double>& p) { return is_in_another(p, fitted::level / 2); });
-    return wall_side(o.shape, local, side);
+    return wraps ? wall_side(o.shape, local, side) : side;
 }
 
 /// The number of a sample's side to a mesh: 1 where it is through a wall (nodes_through_walls), and covered_mesh more
@@ -203,6 +205,9 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
     LaneContact& o = c.contacts.at(slot, lane);
     ContactSlot& all = c.contacts.slot[std::size_t(slot)];
     const bool sided = has_sides(o.shape.kind), soft = o.stiffness > 0;
+    // Not around what a solve moves, too, which is let go so and slips (test TurnedGrasp), nor where there are no
+    // steps, for which platforms are matched: what is wrapped changes from one of these to the next.
+    const bool wraps = o.body < 0 && settings.inertia;
     const bool stands = o.shape.kind == ShapeKind::mesh && !soft && c.contacts.count[std::size_t(lane)] > 1;
     o.shape.up = {0, 0, 0};
     all.sided |= sided;
@@ -222,7 +227,7 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
             const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
             const Vec3<double> local = inverse_transform(o.start, x);
             const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
-            side = T(sided ? side_of_sample(c, slot, lane, s, local, int(side), travel)
+            side = T(sided ? side_of_sample(c, slot, lane, s, local, int(side), travel, wraps)
                            : side_of_mesh(c, slot, lane, x, int(side), travel));
         }
         if (!bulges && (soft || !touched || !settings.inertia)) continue;
