@@ -116,41 +116,45 @@ void evaluate_sample(SoftSample& s, const Vec3<double>& of_finger, const Vec3<do
     s.terms = contact_terms(SurfacePoint<double>{s.gap, s.normal}, slip, k, k_slip, s.state, rubs, exactness);
 }
 
-void add_pair(BodyWork& w, SoftPair& p, bool with_matrix) {
+bool is_active(const Island& i) { return i.progress.active; }
+
+/// Contact of a pair's samples where its lanes are now.
+void evaluate_pair(BodyWork& w, SoftPair& p) {
     const Island& island = w.s.islands[std::size_t(p.island)];
     const Skin &finger = w.skins[std::size_t(p.finger)], &soft = w.soft.all[std::size_t(p.soft)].skin;
-    SkinChunk<double>& b = w.chunks.doubles[std::size_t(soft.chunk)];
+    const SkinChunk<double>& b = w.chunks.doubles[std::size_t(soft.chunk)];
     w.chunks.with(finger.single_precision, finger.chunk, [&](auto& a) {
-        LaneReport &of_a = a.exchange.lanes[std::size_t(finger.lane)], &of_b = b.exchange.lanes[std::size_t(soft.lane)];
         const Penalty soft_penalty = penalty_of(b, soft.lane, 0);
-        const bool rubs = p.friction > 0;
         for (std::size_t i = 0; i < p.samples.size(); ++i) {
             SoftSample& s = p.samples[i];
             if (!s.near) continue;
             evaluate_sample(s, point_of(a, finger.lane, s.of_finger), point_of(b, soft.lane, s.of_face),
-                            rise_of(a, finger.lane, i, s.normal), penalty_of(a, finger.lane, i), soft_penalty, rubs,
-                            island.progress.exactness);
-            if (s.idle) continue;
-            add_gradient(a, finger.lane, s.of_finger, s.terms.gradient);
-            add_gradient(b, soft.lane, s.of_face, -s.terms.gradient);
-            if (with_matrix) {
-                add_curvature(a, finger.lane, s.of_finger, s.terms.curvature);
-                add_curvature(b, soft.lane, s.of_face, s.terms.curvature);
-            }
-            const double change = s.terms.normal_force - s.state.normal_multiplier;
-            of_a.energy += s.terms.energy;
-            of_a.pending += change * change;
-            if (rubs) {
-                const Vec3<double> dt = s.terms.tangential - s.state.tangential_multiplier;
-                const double dr = p.friction * s.terms.normal_force - s.state.friction_radius;
-                of_a.pending += dot(dt, dt) + dr * dr;
-            }
-            of_a.contact_force += s.terms.normal_force;
-            of_b.contact_force += s.terms.normal_force;
-            of_a.penetration = std::max(of_a.penetration, -s.gap);
-            of_b.penetration = std::max(of_b.penetration, -s.gap);
+                            rise_of(a, finger.lane, i, s.normal), penalty_of(a, finger.lane, i), soft_penalty,
+                            p.friction > 0, island.progress.exactness);
         }
     });
+}
+
+/// Adds it to one of the pair's lanes. Energy and what is pending are an island's: they count with its finger.
+template <class T>
+void add_to_lane(SkinChunk<T>& c, int lane, const SoftPair& p, bool is_finger, bool with_matrix) {
+    LaneReport& report = c.exchange.lanes[std::size_t(lane)];
+    for (const SoftSample& s : p.samples) {
+        if (!s.near || s.idle) continue;
+        const Stencil& stencil = is_finger ? s.of_finger : s.of_face;
+        add_gradient(c, lane, stencil, is_finger ? s.terms.gradient : -s.terms.gradient);
+        if (with_matrix) add_curvature(c, lane, stencil, s.terms.curvature);
+        report.contact_force += s.terms.normal_force;
+        report.penetration = std::max(report.penetration, -s.gap);
+        if (!is_finger) continue;
+        const double change = s.terms.normal_force - s.state.normal_multiplier;
+        report.energy += s.terms.energy;
+        report.pending += change * change;
+        if (p.friction <= 0) continue;
+        const Vec3<double> dt = s.terms.tangential - s.state.tangential_multiplier;
+        const double dr = p.friction * s.terms.normal_force - s.state.friction_radius;
+        report.pending += dot(dt, dt) + dr * dr;
+    }
 }
 
 /// The residual of a lane once everything has been added to its gradient.
@@ -164,8 +168,6 @@ double residual_of(const SkinChunk<T>& c, int lane) {
         }
     return sum;
 }
-
-bool is_active(const Island& i) { return i.progress.active; }
 
 void let_go(SoftPair& p) {
     for (SoftSample& s : p.samples) {
@@ -193,12 +195,27 @@ void begin_soft_contact(BodyWork& w) {
 }
 
 void add_soft_contact(BodyWork& w, bool with_matrix) {
-    for (SoftPair& p : w.soft.pairs)
-        if (solved_where(w, p, is_active)) add_pair(w, p, with_matrix);
+    // A chunk is evaluated whole: lanes whose island has ended lose what they were given, and get it again.
+    auto is_solved = [](const Island&) { return true; };
+    auto for_evaluated = [&](const SoftPair& p, auto visit) {
+        bool is_finger = true;
+        for_both(w, p, [&](auto& c, int lane) {
+            const bool single = sizeof(c.state.position[0]) < sizeof(double);
+            const int chunk = (is_finger ? w.skins[std::size_t(p.finger)] : w.soft.all[std::size_t(p.soft)].skin).chunk;
+            if (lanes_where(w, coupled_of(w, single, chunk), is_active)) visit(c, lane, is_finger);
+            is_finger = false;
+        });
+    };
+    for (SoftPair& p : w.soft.pairs) {
+        if (!solved_where(w, p, is_solved)) continue;
+        if (solved_where(w, p, is_active)) evaluate_pair(w, p);
+        for_evaluated(p, [&](auto& c, int lane, bool of_finger) { add_to_lane(c, lane, p, of_finger, with_matrix); });
+    }
     for (const SoftPair& p : w.soft.pairs)
-        if (solved_where(w, p, is_active))
-            for_both(w, p,
-                     [](auto& c, int lane) { c.exchange.lanes[std::size_t(lane)].residual = residual_of(c, lane); });
+        if (solved_where(w, p, is_solved))
+            for_evaluated(p, [](auto& c, int lane, bool) {
+                c.exchange.lanes[std::size_t(lane)].residual = residual_of(c, lane);
+            });
 }
 
 void update_soft_contact(BodyWork& w) {

@@ -101,6 +101,7 @@ void check_leaps(const Watched& v, Findings& found) {
     for (std::size_t i = 0; i < v.fingers.size() && !v.before.empty(); ++i) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset) continue;
+        if (v.before[i].status.wrong_sides > 0) continue;  // what was said to have passed may come back
         w.chunks.with(f.skin->single_precision, f.skin->chunk, [&](const auto& c) {
             for (int slot = 0; slot < c.contacts.count[std::size_t(f.skin->lane)]; ++slot) {
                 const LaneContact& o = c.contacts.at(slot, f.skin->lane);
