@@ -290,7 +290,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
     }
     int number = 0;
     for (const std::string fault : {"sticky@150", "deaf@150", "bite@150", "unread@150", "race@150"}) {
-        if (!testing::is_tried(number++, 2)) continue;
+        if (!testing::is_tried(number++, 3)) continue;
         const Outcome o = emulate("--fault " + fault + logged(), run_command(scene(5, 1.5)));
         EXPECT_EQ(o.code, 1) << fault << o.out;
         expect_safe(events());
@@ -300,7 +300,7 @@ TEST_F(Usb, FaultsLatchAndAreReported) {
     }
     // One transfer that times out, and a reply too short or too long, are tried again.
     for (const std::string kind : {"timeout", "partial", "short", "long", "errors"}) {
-        if (!testing::is_tried(number++, 2)) continue;
+        if (!testing::is_tried(number++, 3)) continue;
         const Outcome o = emulate("--fault " + kind + "@150" + logged(), run_command(scene(5, 1)));
         EXPECT_EQ(o.code, 0) << kind << o.out;
         EXPECT_SAYS(o, " 0 faults");

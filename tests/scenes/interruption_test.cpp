@@ -73,7 +73,7 @@ TEST(Interruption, WhatIsLeftSaysSo) {
     for (int k = 1; k <= 12; ++k) csv << 0.1 * k * k / 4 << "," << 0.2 * k << "\n";
     csv.close();
     const Outcome fit =
-        interrupted("INT", 4,
+        interrupted("INT", 2.5,
                     "fit " + here + "data.csv --fit young_kPa --elements 260 --starts 100 --iterations 1000 --out " +
                         here + "fitted.toml --json");
     EXPECT_EQ(fit.code, 130) << fit.out;
@@ -84,7 +84,7 @@ TEST(Interruption, WhatIsLeftSaysSo) {
         EXPECT_NE(fit.out.find("\"interrupted\": true"), std::string::npos) << fit.out;
     }
     const Outcome compared =
-        interrupted("INT", 2, "compare roll --set duration_s=1000 --quiet --out " + here + "compared");
+        interrupted("INT", 1, "compare roll --set duration_s=1000 --quiet --out " + here + "compared");
     EXPECT_EQ(compared.code, 130) << compared.out;
     EXPECT_NE(compared.out.find("interrupted"), std::string::npos) << compared.out;
 }

@@ -207,7 +207,7 @@ TEST(Recording, WhatWasCompleteWhenTheProgramWasKilledIsReadReplayedAndConverted
     const fs::path scene = scene_of_everything(scratch.path, "preset = \"fast\""), file = scratch.path / "run";
     std::mt19937 random(5);
     for (int trial = 0; trial < 6; ++trial) {
-        if (!testing::is_tried(trial, 2)) continue;
+        if (!testing::is_tried(trial, 3)) continue;
         fs::remove(file);
         const auto bytes = std::uniform_int_distribution<std::uintmax_t>(10'000, 90'000)(random);
         record_and_kill(scene, file, {"--duration", "60"}, bytes, useconds_t(random() % 20'000));

@@ -188,8 +188,8 @@ TEST(Soft, OthersFarFromItAreTheSameBitsAsAlone) {
 }
 
 /// A chunk is evaluated whole, as long as one of its islands is solved: what fingers are said to bear, and how well
-/// they are solved, does not depend on whose solve ends first. (Once 1.5 % of a finger's forces were said to be
-/// unbalanced, and an overlap was not said.)
+/// they are solved, does not depend on whose solve ends first. (Once all that such a finger bears was said to be
+/// unbalanced, so that most of its steps had not converged.)
 TEST(Soft, WhoseSolveEndsFirstIsSolvedAsWellAsIsSaid) {
     auto pressed = [](const char* name, double y, double deep) {
         const std::string at = std::to_string(y);
