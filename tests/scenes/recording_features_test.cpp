@@ -173,8 +173,10 @@ std::string as_version_1(const RecordedRun& run) {
 
 TEST(Recording, OfEverythingReplaysAndConvertsWholeBeyondEveryRelease) {
     testing::ScratchFolder scratch;
+    int number = 0;
     for (const std::string solver :
          {"detail = \"auto\"", "preset = \"fast\"\nprecision = \"float\"\ndeadline_ms = 0.5"}) {
+        if (!testing::is_tried(number++, 2)) continue;
         const fs::path scene = scene_of_everything(scratch.path, solver), file = scratch.path / "run";
         record_and_kill(scene, file, {}, 0, 0);
         const Recording r = read_recording(file);
