@@ -137,13 +137,13 @@ void evaluate_pair(BodyWork& w, SoftPair& p) {
 
 /// Adds it to one of the pair's lanes. Energy and what is pending are an island's: they count with its finger.
 template <class T>
-void add_to_lane(SkinChunk<T>& c, int lane, const SoftPair& p, bool is_finger, bool with_matrix) {
+void add_to_lane(SkinChunk<T>& c, int lane, const SoftPair& p, bool is_finger) {
     LaneReport& report = c.exchange.lanes[std::size_t(lane)];
     for (const SoftSample& s : p.samples) {
         if (!s.near || s.idle) continue;
         const Stencil& stencil = is_finger ? s.of_finger : s.of_face;
         add_gradient(c, lane, stencil, is_finger ? s.terms.gradient : -s.terms.gradient);
-        if (with_matrix) add_curvature(c, lane, stencil, s.terms.curvature);
+        if (report.steps) add_curvature(c, lane, stencil, s.terms.curvature);
         report.contact_force += s.terms.normal_force;
         report.penetration = std::max(report.penetration, -s.gap);
         if (!is_finger) continue;
@@ -194,7 +194,7 @@ void begin_soft_contact(BodyWork& w) {
     }
 }
 
-void add_soft_contact(BodyWork& w, bool with_matrix) {
+void add_soft_contact(BodyWork& w) {
     // A chunk is evaluated whole: lanes whose island has ended lose what they were given, and get it again.
     auto is_solved = [](const Island&) { return true; };
     auto for_evaluated = [&](const SoftPair& p, auto visit) {
@@ -209,7 +209,7 @@ void add_soft_contact(BodyWork& w, bool with_matrix) {
     for (SoftPair& p : w.soft.pairs) {
         if (!solved_where(w, p, is_solved)) continue;
         if (solved_where(w, p, is_active)) evaluate_pair(w, p);
-        for_evaluated(p, [&](auto& c, int lane, bool of_finger) { add_to_lane(c, lane, p, of_finger, with_matrix); });
+        for_evaluated(p, [&](auto& c, int lane, bool of_finger) { add_to_lane(c, lane, p, of_finger); });
     }
     for (const SoftPair& p : w.soft.pairs)
         if (solved_where(w, p, is_solved))

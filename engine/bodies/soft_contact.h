@@ -14,8 +14,8 @@ bool solved_where(const BodyWork& w, const SoftPair& p, Condition condition) {
 /// Which island each pair is solved in; marks those islands.
 void begin_soft_contact(BodyWork& work);
 
-/// Adds contact with soft objects to the lanes' energies, gradients and matrices, where their islands are active.
-void add_soft_contact(BodyWork& work, bool with_matrix);
+/// Adds contact with soft objects to the lanes' energies and gradients, and to the matrices of lanes that step next.
+void add_soft_contact(BodyWork& work);
 
 /// Takes over multipliers, where the islands' are updated.
 void update_soft_contact(BodyWork& work);

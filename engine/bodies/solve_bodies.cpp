@@ -130,9 +130,7 @@ void evaluate_all(Work& w, Steps steps) {
             forget_matrix(c, lane, 0);
     });
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver); });
-    bool with_matrix = false;
-    for (int i = 0; i < s.island_count; ++i) with_matrix |= steps(s.islands[i]);
-    add_soft_contact(w, with_matrix);
+    add_soft_contact(w);
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);
     });
