@@ -187,6 +187,53 @@ TEST(Soft, OthersFarFromItAreTheSameBitsAsAlone) {
     EXPECT_GT(felt, 0.1);
 }
 
+/// Fingers on tissue, on a ball that rolls, and two that press on each other, far apart: what each has is its own. (The
+/// matrix of one on tissue held its contact twice where a ball was still being solved, and that of a pinch was damped
+/// twice beside tissue: other bits, and slower.)
+TEST(Soft, WhatIsSolvedBesideItIsTheSameBitsAsAlone) {
+    auto finger = [](const std::string& name, double y, const char* turn, std::initializer_list<double> heights) {
+        std::string text = "[[finger]]\nname = \"" + name + "\"\nfinger = \"index-median\"\ntrack = [";
+        int k = 0;
+        for (const double z : heights)
+            text += " { t_s = " + std::to_string(0.05 * k) + ", position_mm = [" + std::to_string(std::max(0, k - 1)) +
+                    ", " + std::to_string(y) + ", " + std::to_string(z) + "], rotation_deg = [" + turn + ", 0, 0] },",
+                ++k;
+        return text + " ]\n";
+    };
+    const std::string parts[] = {
+        "[[object]]\nname = \"slab\"\nkind = \"box\"\nsize_mm = [40, 40, 15]\nposition_mm = [0, 0, -7.5]\nfriction = "
+        "0.4\nsoft = { young_kPa = 10, elements = 200, fixed = \"bottom\" }\n" +
+            finger("on tissue", 0, "0", {10, 5.5, 5.5}),
+        "[[object]]\nname = \"floor\"\nkind = \"box\"\nsize_mm = [60, 60, 10]\nposition_mm = [0, 300, -5]\nfriction = "
+        "0.5\n[[object]]\nname = \"ball\"\nkind = \"sphere\"\nradius_mm = 10\nmass_g = 10\nposition_mm = [0, 300, "
+        "10]\nfriction = 0.5\n" +
+            finger("on a ball", 300, "0", {32, 27, 27}),
+        finger("thumb", 600, "0", {10, 6.5, 6.5}) + finger("index", 600, "180", {-10, -6.5, -6.5})};
+    for (const char* preset : {"balanced", "reference"}) {
+        const std::string start =
+            "duration_s = 0.12\ndt_ms = 4\n[limits]\nlow = 0.7\nhigh = 1.4\n[solver]\npreset = \"" +
+            std::string(preset) + "\"\n";
+        Simulation together = load(start + parts[0] + parts[1] + parts[2]);
+        while (together.world.time < 0.12 - 1e-9) advance(together);
+        std::size_t first = 0;
+        for (const std::string& part : parts) {
+            Simulation alone = load(start + part);
+            while (alone.world.time < 0.12 - 1e-9) advance(alone);
+            for (std::size_t i = 0; i < alone.fingers.size(); ++i) {
+                const std::size_t of = first + i;
+                EXPECT_GT(norm(alone.world.contact_surfaces[i].total), 0.01) << part;
+                EXPECT_EQ(finger_positions(alone.world, alone.fingers[i]),
+                          finger_positions(together.world, together.fingers[of]))
+                    << preset << part;
+                EXPECT_EQ(skin_status(alone.world, alone.fingers[i]).residual_N,
+                          skin_status(together.world, together.fingers[of]).residual_N)
+                    << preset << part;
+            }
+            first += alone.fingers.size();
+        }
+    }
+}
+
 /// A chunk is evaluated whole, as long as one of its islands is solved: what fingers are said to bear, and how well
 /// they are solved, does not depend on whose solve ends first. (Once all that such a finger bears was said to be
 /// unbalanced, so that most of its steps had not converged.)

@@ -292,7 +292,8 @@ inline MaskOf<R> tangled_lanes(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e
 template <class R>
 inline void damp(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes, const R& damping) {
     if (!any(lanes & (damping > R(0)))) return;
-    const Mat3<R> block = (damping * load<R>(c.rest.tissue_stiffness.data())) * Mat3<R>::identity();
+    const R own = select(lanes, damping * load<R>(c.rest.tissue_stiffness.data()), R(0));
+    const Mat3<R> block = own * Mat3<R>::identity();
     for (std::size_t u = 0; u + 2 < c.topology->unknowns.size(); ++u)
         add_block<R>(c.scratch.blocks.data(), c.topology->diagonal_block[c.topology->unknowns[u]], block);
     std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
