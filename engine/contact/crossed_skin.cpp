@@ -14,6 +14,12 @@ namespace {
 /// ball of 7 mm was pressed in between nodes 6 mm apart).
 constexpr double within = 4e-3, deep = 0.25, fast = 0.25, narrow = 2;
 
+/// The straight way of a node leads through an object where it begins and ends no deeper than `outside` [m], where the
+/// surface looks the other way at its end (cosine of the normals below `opposite`), and where it is deeper than `leap`
+/// [m] and half of what bone and object moved past each other.
+constexpr double outside = 1e-4, opposite = -0.5, leap = 1e-3;
+constexpr int parts_of_way = 16;
+
 template <class T>
 bool touches(const SkinChunk<T>& c, int lane, int slot, std::size_t sample) {
     const std::size_t i = std::size_t(slot) * c.topology->sample_count() + sample;
@@ -242,7 +248,7 @@ bool is_in_tissue(const SkinChunk<double>& c, int lane, const LaneContact& o, co
 
 /// Whether the way from a to b (a mesh's frame) leads through a wall: steps along it are as long as the surface is far.
 bool leads_through(const DistanceMesh& mesh, const Vec3<double>& a, const Vec3<double>& b) {
-    constexpr double touching = 1e-6, shortest = 1.0 / 256, opposite = -0.5;
+    constexpr double touching = 1e-6, shortest = 1.0 / 256;
     constexpr int most = 400;
     const Vec3<double> path = b - a;
     const double length = norm(path);
@@ -291,6 +297,42 @@ int nodes_through_walls(SkinChunk<T>& c, int lane, const ContactSurface& surface
 }
 
 template <class T>
+int nodes_leapt(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
+    if (c.status[std::size_t(lane)].reset) return 0;
+    const SkinTopology& t = *c.topology;
+    const auto before = [&](int node) {
+        const T* x = &c.scratch.start_position[std::size_t(3 * node * c.width + lane)];
+        return lane_origin(c, lane) + Vec3<double>{double(x[0]), double(x[c.width]), double(x[2 * c.width])};
+    };
+    double b[7];
+    for (std::size_t k = 0; k < 7; ++k)
+        b[k] = double(c.scratch.start_bone[k * std::size_t(c.width) + std::size_t(lane)]);
+    const Pose<double> start{lane_origin(c, lane) + Vec3<double>{b[0], b[1], b[2]}, {b[3], b[4], b[5], b[6]}};
+    int count = 0;
+    for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
+        const LaneContact& o = c.contacts.at(slot, lane);
+        if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind == ShapeKind::mesh || o.shape.kind == ShapeKind::plane)
+            continue;
+        for (std::size_t s = 0; s < t.samples.size(); ++s) {
+            const Vec3<double> from = inverse_transform(o.start, before(t.samples[s])),
+                               to = inverse_transform(o.pose, transform(surface.bone, surface.position[s])),
+                               way = to - from;
+            if (!(dot(way, way) > 4 * leap * leap)) continue;  // what is outside at both ends is not as deep between
+            const SurfacePoint<double> at = local_surface_point(o.shape, from), ends = local_surface_point(o.shape, to);
+            if (at.distance < -outside || ends.distance < -outside || dot(at.normal, ends.normal) > opposite) continue;
+            const Vec3<double> carried =
+                inverse_transform(o.pose, transform(surface.bone, inverse_transform(start, before(t.samples[s]))));
+            const double deepest = leap + norm(carried - from) / 2;
+            bool through = false;
+            for (int k = 1; k < parts_of_way && !through; ++k)
+                through = local_surface_point(o.shape, from + (double(k) / parts_of_way) * way).distance < -deepest;
+            count += through;
+        }
+    }
+    return count;
+}
+
+template <class T>
 int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
     int count = 0;
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
@@ -324,6 +366,8 @@ void find_entered_tissue(double time, SoftObjects& soft, SkinChunks& chunks, Tab
 
 template int nodes_through_walls(SkinChunk<double>&, int, const ContactSurface&);
 template int nodes_through_walls(SkinChunk<float>&, int, const ContactSurface&);
+template int nodes_leapt(const SkinChunk<double>&, int, const ContactSurface&);
+template int nodes_leapt(const SkinChunk<float>&, int, const ContactSurface&);
 template int nodes_behind(const SkinChunk<double>&, int, const ContactSurface&);
 template int nodes_behind(const SkinChunk<float>&, int, const ContactSurface&);
 

@@ -269,7 +269,8 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     find_gaps(c, lane, out);
     measure_touching(out);
     SkinStatus& status = c.status[std::size_t(lane)];
-    status.wrong_sides = pressed_from_inside + nodes_behind(c, lane, out) + nodes_through_walls(c, lane, out);
+    status.wrong_sides = pressed_from_inside + nodes_behind(c, lane, out) + nodes_through_walls(c, lane, out) +
+                         nodes_leapt(c, lane, out);
     // An island has converged as a whole: what little is left of its forces may be much of one finger's.
     const double share = std::max(fitted::own_residual, 3 * tolerance);
     const bool unbalanced = status.residual_N > std::max(share * status.contact_force_N, fitted::own_rounding);

@@ -168,9 +168,10 @@ void carry_objects(World& u, World& v, const Rows& rows) {
                 b.body = a.body >= 0 ? body : -1, b.held_body = a.held_body >= 0 ? body : -1;
                 const RigidBody& old = u.bodies[std::size_t(Rows::body_of(a))];
                 RigidBody& now = v.bodies[std::size_t(body)];
-                now.velocity = old.velocity, now.angular_momentum = old.angular_momentum;
-                now.acceleration = old.acceleration;
-                now.contact_force = old.contact_force, now.contact_torque = old.contact_torque;
+                const RigidBody made = now;  // as the scene has it now; all else is as it was
+                now = old;
+                now.mass = made.mass, now.inertia = made.inertia, now.mass_centre = made.mass_centre;
+                now.size = made.size, now.restitution = made.restitution, now.release = made.release;
                 now.asleep = old.asleep && v.time < now.release;  // others look again at what they lie on
             }
         }

@@ -98,6 +98,36 @@ TEST(ApiParts, ComeAndGoWithoutOthersFeelingIt) {
     EXPECT_EQ(again, found);
 }
 
+/// In static equilibrium a body is held by who holds it: that is not forgotten where something else comes.
+TEST(ApiParts, WhatFingersHoldWithoutInertiaIsHeldWhileOthersCome) {
+    const char* const scene =
+        "dt_ms = 4\n[solver]\npreset = \"balanced\"\nstatic = true\n"
+        "[[object]]\nname = \"floor\"\nkind = \"box\"\nsize_mm = [60, 60, 10]\nposition_mm = [0, 0, -5]\nfriction = "
+        "0.5\n"
+        "[[object]]\nname = \"ball\"\nkind = \"sphere\"\nradius_mm = 10\nmass_g = 10\nposition_mm = [0, 0, 10]\n"
+        "friction = 0.5\n[[finger]]\nname = \"index\"\nfinger = \"index-median\"\nelements = 300\n"
+        "track = [ { t_s = 0, position_mm = [0, 0, 32] }, { t_s = 0.05, position_mm = [0, 0, 27] }, "
+        "{ t_s = 0.15, position_mm = [6, 0, 27] } ]\n";
+    Held world, alone;
+    ASSERT_EQ(PALPATE_OK, palpate_load_text(scene, nullptr, &world.id)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_step(world, 22));
+    ASSERT_EQ(PALPATE_OK, palpate_clone(world, &alone.id));
+    PalpateObjectDef block;
+    palpate_default_object_def(&block, sizeof block);
+    block.shape = PALPATE_BOX;
+    block.dimensions[0] = block.dimensions[1] = block.dimensions[2] = 0.02;
+    block.pose[1] = 2, block.mass = 0.01;
+    std::int32_t added = -1;
+    ASSERT_EQ(PALPATE_OK, palpate_add_object(world, &block, &added)) << palpate_last_error();
+    for (int k = 0; k < 10; ++k) {
+        ASSERT_EQ(PALPATE_OK, palpate_step(world, 1));
+        ASSERT_EQ(PALPATE_OK, palpate_step(alone, 1));
+        for (int field : {PALPATE_NODES, PALPATE_FORCES})
+            EXPECT_EQ(bytes_of(alone, field, 0), bytes_of(world, field, 0)) << k << ", field " << field;
+    }
+    EXPECT_LT(0.05, force_on(world, 0));
+}
+
 TEST(ApiParts, GoWithTheirContactsAndFriction) {
     Held world;
     ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world.id)) << palpate_last_error();

@@ -45,6 +45,43 @@ TEST(Passing, SkinThatABlowHasWoundUpDoesNotLeapThroughAThickBox) {
     EXPECT_EQ(passed, 0);
 }
 
+/// Steps of 20 ms: skin that is pressed onto a dome snaps off it within one, through it, and rests beside it with a
+/// tenth of the force that it has in short steps, which keep it on top. That step says so.
+TEST(Passing, SkinThatLeapsOffADomeSaysSo) {
+    const auto dome = [](const char* dt_ms) {
+        return make_simulation(
+            load_scene_text(
+                "dt_ms = " + std::string(dt_ms) +
+                    "\nduration_s = 0.28\n[solver]\npreset = \"reference\"\ncontact_iterations = 4\n"
+                    "[limits]\nlow = 0.763\nhigh = 1.6\n"
+                    "[[object]]\nname = \"dome\"\nkind = \"capsule\"\nradius_mm = 4.855\nlength_mm = "
+                    "12.808\nposition_mm = [-0.603, 0, 0]\n"
+                    "[[finger]]\nname = \"middle\"\nshape = { finger = \"middle\" }\nelements = 250\n"
+                    "track = [ { t_s = 0, position_mm = [0.712, 0, 24.727], rotation_deg = [-10.37, -17.73, 0] }, "
+                    "{ t_s = 0.15, position_mm = [0.712, 0, 15.865], rotation_deg = [-10.37, -17.73, 0] }, "
+                    "{ t_s = 0.2, position_mm = [3.913, 4.356, 15.865], rotation_deg = [-10.37, -17.73, 0] } ]\n",
+                "dome.toml"),
+            1);
+    };
+    const auto leaps = [](Simulation& s) {
+        int said = 0;
+        while (s.world.time < s.scene.duration - 1e-9) {
+            advance(s);
+            const SkinStatus& status = skin_status(s.world, s.fingers[0]);
+            said += status.wrong_sides > 0;
+            EXPECT_FALSE(status.wrong_sides > 0 && status.converged);
+        }
+        return said;
+    };
+    Simulation longer = dome("20"), shorter = dome("5");
+    EXPECT_EQ(leaps(shorter), 0);
+    const int said = leaps(longer);
+    const double kept = shorter.world.contact_surfaces[0].normal_force,
+                 rests = longer.world.contact_surfaces[0].normal_force;
+    EXPECT_GT(kept, 1);
+    EXPECT_TRUE(said > 0 || std::abs(rests - kept) < 0.05 * kept) << rests << " instead of " << kept << " N, unsaid";
+}
+
 /// The end of a box comes in where the skin rides on its bone, and touches nothing, and stays under the pad's rim.
 TEST(Passing, ABoxThatHasComeInBesideThePadIsSaid) {
     Simulation s = make_simulation(
