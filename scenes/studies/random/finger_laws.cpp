@@ -114,6 +114,9 @@ void check_friction(const Watched& v, Findings& found) {
     for (std::size_t i = 0; i < v.fingers.size(); ++i) {
         const FingerState& f = v.fingers[i];
         if (!f.status.converged || f.status.reset) continue;
+        // Friction and its limit may still change by what a solve leaves pending: a share of all that acts.
+        const double pull = w.couplings.find(v.s.fingers[i])->force_N,
+                     pending = 2 * w.solver.multiplier_tolerance * std::max(f.normal_force, pull);
         for (const ObjectContact& o : f.objects) {
             if (o.object < 0) continue;
             const double friction = friction_between(v.s, i, std::size_t(o.object));
@@ -123,7 +126,7 @@ void check_friction(const Watched& v, Findings& found) {
                 for (const ObjectContact& b : v.before[i].objects)
                     if (b.object == o.object) pressed = std::max(pressed, b.normal_force);
             const double most = friction * pressed;
-            if (o.friction_force > most + (1 + friction) * left_over(v, i, f.normal_force))
+            if (o.friction_force > most + (1 + friction) * (left_over(v, i, f.normal_force) + pending))
                 found.add(
                     "friction keeps to Coulomb's law",
                     law_text("%.4f s: %s rubs on %s with %.4g N, and may with %.4g N", w.time, f.skin->name.c_str(),
