@@ -187,9 +187,10 @@ enum { PALPATE_FINGERS = 0, PALPATE_OBJECTS = 1, PALPATE_THIMBLES = 2 };
 PALPATE_API int32_t palpate_list(PalpateWorld world, int32_t what, int32_t* ids, int32_t capacity, int32_t* count);
 
 /* Between steps; tens of milliseconds, more where a mesh is made. The others go on with the same bits, unless what is
-   new is the first of its kind (the first body, the first friction): then they find their contacts anew, which is felt
-   for a few steps. What is added must not lie inside what is there. Views of the world, and of what was removed, must
-   be asked for anew; old ones can be read still, but say nothing. Not while it records, nor in a replay. */
+   new is the first of its kind, or what goes the last (body, friction, elastic object): then they find their contacts
+   anew, which is felt for a few steps. What is added must not lie inside what is there. Views of the world, and of what
+   was removed, must be asked for anew; old ones can be read still, but say nothing. Not while it records, nor in a
+   replay. */
 PALPATE_API int32_t palpate_add_finger(PalpateWorld world, const PalpateFingerDef* def, int32_t* finger);
 PALPATE_API int32_t palpate_remove_finger(PalpateWorld world, int32_t finger);
 PALPATE_API int32_t palpate_add_object(PalpateWorld world, const PalpateObjectDef* def, int32_t* object);
