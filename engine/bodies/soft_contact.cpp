@@ -202,7 +202,8 @@ void add_soft_contact(BodyWork& w) {
         for_both(w, p, [&](auto& c, int lane) {
             const bool single = sizeof(c.state.position[0]) < sizeof(double);
             const int chunk = (is_finger ? w.skins[std::size_t(p.finger)] : w.soft.all[std::size_t(p.soft)].skin).chunk;
-            if (lanes_where(w, coupled_of(w, single, chunk), is_active)) visit(c, lane, is_finger);
+            const int k = coupled_of(w, single, chunk);
+            if (k >= 0 && lanes_where(w, k, is_active)) visit(c, lane, is_finger);
             is_finger = false;
         });
     };
