@@ -3,19 +3,16 @@
 #include <poll.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <map>
 
 #include "devices/drivers/last_resort.h"
 #include "devices/loop/clock.h"
 #include "engine/skin/solve/kernels.h"
 #include "meshes/input_error.h"
-#include "scenes/program/command_table.h"
-#include "scenes/program/commands.h"
+#include "scenes/program/command_line.h"
 #include "scenes/program/interruption.h"
 #include "scenes/program/version.h"
 
@@ -41,11 +38,6 @@ int widest(const Kernels& kernels) {
     return width;
 }
 
-std::string indented(std::string lines) {
-    for (auto at = lines.find('\n'); at != std::string::npos; at = lines.find('\n', at + 1)) lines.insert(at + 1, "  ");
-    return "  " + lines;
-}
-
 std::string version_text() {
     const palpate::KernelSet& kernels = palpate::best_kernels();
     const std::string commit = palpate::program_commit;
@@ -54,31 +46,8 @@ std::string version_text() {
            " fingers side by side in double, " + std::to_string(widest(kernels.for_float)) + " in float";
 }
 
-/// CLI11's own message, unless a command or an option is mistyped; then what may have been meant.
-int complain(const CLI::App& program, const CLI::ParseError& error, const std::vector<std::string>& arguments) {
-    if (error.get_exit_code() == 0) return program.exit(error);
-    if (arguments.empty()) {
-        std::fputs(program.help().c_str(), stderr);
-        return 2;
-    }
-    const std::string meant = palpate::suggestion(palpate::command_table(program), arguments);
-    if (meant.empty())
-        program.exit(error);
-    else
-        std::fprintf(stderr, "palpate: %s\nRun with --help for more information.\n", meant.c_str());
-    return 2;
-}
-
-int run_program(int argc, char** argv) {
-    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) std::signal(signal, request_stop);
-    std::signal(SIGPIPE, SIG_IGN);  // whoever read the output is gone: thimbles are still to be brought to rest
-    std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large is an error like others
-    CLI::App program{"palpate: feel virtual objects with several fingers at once", "palpate"};
-    program.require_subcommand(1);
-    program.set_version_flag("--version", version_text());
-    program.footer("Begin with: palpate new mine.toml");
-    const palpate::Command commands(&program);
-    std::map<std::string, palpate::Action> actions;
+palpate::Actions add_commands(const palpate::Command& commands) {
+    palpate::Actions actions;
     actions["new"] = palpate::add_new_command(commands);
     actions["list"] = palpate::add_list_command(commands);
     actions["run"] = palpate::add_run_command(commands, stop_requested);
@@ -105,14 +74,15 @@ int run_program(int argc, char** argv) {
     actions["home"] = palpate::add_home_command(commands);
     actions["completion"] = palpate::add_completion_command(commands);
     actions["man"] = palpate::add_man_command(commands);
-    for (CLI::App* command : program.get_subcommands({}))
-        command->footer((command->get_footer().empty() ? "" : command->get_footer() + "\n\n") + "Examples:\n" +
-                        indented(palpate::examples_of(command->get_name())));
+    return actions;
+}
+
+int run_program(int argc, char** argv) {
+    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) std::signal(signal, request_stop);
+    std::signal(SIGPIPE, SIG_IGN);  // whoever read the output is gone: thimbles are still to be brought to rest
+    std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large is an error like others
     try {
-        program.parse(argc, argv);
-        return actions.at(program.get_subcommands().front()->get_name())();
-    } catch (const CLI::ParseError& error) {
-        return complain(program, error, {argv + 1, argv + argc});
+        return palpate::obey_command_line(argc, argv, version_text(), add_commands);
     } catch (const palpate::InputError& error) {
         for (const auto& message : error.messages) std::fprintf(stderr, "%s\n", message.c_str());
         return 2;

@@ -2,6 +2,8 @@
 
 #include <cstdio>
 
+#include "scenes/stream/stream.h"
+
 namespace palpate {
 
 void add_stream_options(const Command& c, StreamSettings& stream) {

@@ -20,6 +20,7 @@
 #include "scenes/run/carry_over.h"
 #include "scenes/run/dead_man.h"
 #include "scenes/run/hardware.h"
+#include "scenes/stream/stream.h"
 #include "scenes/trackers/hand_doubts.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
