@@ -296,9 +296,21 @@ int nodes_through_walls(SkinChunk<T>& c, int lane, const ContactSurface& surface
     return count;
 }
 
+/// Whether an object presses on any sample of a lane.
 template <class T>
-int nodes_leapt(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
-    if (c.status[std::size_t(lane)].reset) return 0;
+bool is_touched(const SkinChunk<T>& c, int lane, int slot) {
+    const std::size_t S = c.topology->sample_count(), W = std::size_t(c.width);
+    for (std::size_t s = 0; s < S; ++s)
+        if (c.state.normal_multiplier[(std::size_t(slot) * S + s) * W + std::size_t(lane)] > 0) return true;
+    return false;
+}
+
+template <class T>
+int nodes_leapt(SkinChunk<T>& c, int lane, const ContactSurface& surface) {
+    if (c.status[std::size_t(lane)].reset) {
+        for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) c.contacts.at(slot, lane).leapt = 0;
+        return 0;
+    }
     const SkinTopology& t = *c.topology;
     const auto before = [&](int node) {
         const T* x = &c.scratch.start_position[std::size_t(3 * node * c.width + lane)];
@@ -320,9 +332,11 @@ int nodes_leapt(const SkinChunk<T>& c, int lane, const ContactSurface& surface) 
     }
     int count = 0;
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
-        const LaneContact& o = c.contacts.at(slot, lane);
+        LaneContact& o = c.contacts.at(slot, lane);
         if (o.finger >= 0 || o.stiffness > 0 || o.shape.kind == ShapeKind::mesh || o.shape.kind == ShapeKind::plane)
             continue;
+        if (o.leapt > 0 && !is_touched(c, lane, slot)) o.leapt = 0;
+        count += o.leapt;
         const bool still = norm(o.pose.position - o.start.position) <= 0 &&
                            norm(o.pose.rotation.vector() - o.start.rotation.vector()) <= 0;
         if (still && double(farthest) <= 4 * leap * leap) continue;
@@ -339,7 +353,7 @@ int nodes_leapt(const SkinChunk<T>& c, int lane, const ContactSurface& surface) 
             bool through = false;
             for (int k = 1; k < parts_of_way && !through; ++k)
                 through = local_surface_point(o.shape, from + (double(k) / parts_of_way) * way).distance < -deepest;
-            count += through;
+            o.leapt += through, count += through;
         }
     }
     return count;
@@ -379,8 +393,8 @@ void find_entered_tissue(double time, SoftObjects& soft, SkinChunks& chunks, Tab
 
 template int nodes_through_walls(SkinChunk<double>&, int, const ContactSurface&);
 template int nodes_through_walls(SkinChunk<float>&, int, const ContactSurface&);
-template int nodes_leapt(const SkinChunk<double>&, int, const ContactSurface&);
-template int nodes_leapt(const SkinChunk<float>&, int, const ContactSurface&);
+template int nodes_leapt(SkinChunk<double>&, int, const ContactSurface&);
+template int nodes_leapt(SkinChunk<float>&, int, const ContactSurface&);
 template int nodes_behind(const SkinChunk<double>&, int, const ContactSurface&);
 template int nodes_behind(const SkinChunk<float>&, int, const ContactSurface&);
 

@@ -15,11 +15,12 @@ namespace palpate {
 template <class T>
 int nodes_behind(const SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
 
-/// Nodes of the pad that leapt through a rigid object in this step, from one side of it to another: a finger that snaps
-/// off a dome in a long step may come to rest where short steps would not have brought it. Of meshes:
-/// nodes_through_walls. `surface` holds this step's positions and bone.
+/// Nodes of the pad that leapt through a rigid object, from one side of it to another, in this step or since the pad
+/// last left it: a finger that snaps off a dome in a long step may come to rest where short steps would not have
+/// brought it. Notes them in the object's contact. Of meshes: nodes_through_walls. `surface` holds this step's
+/// positions and bone.
 template <class T>
-int nodes_leapt(const SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
+int nodes_leapt(SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
 
 /// Nodes of the pad that have come through walls of meshes, whose field knows no sides: in by one face and out by one
 /// that faces the other way, on the straight way that they and the object went in one step. A node counts until it

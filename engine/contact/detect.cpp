@@ -106,9 +106,9 @@ int detect_for_lane(const Table<VirtualObject>& shapes, const Table<RigidBody>& 
             if (was_near) erase_contact(c, lane, slot);
             continue;
         }
-        const LaneContact contact = contact_of(c, lane, shape, object, bodies);
+        LaneContact contact = contact_of(c, lane, shape, object, bodies);
         if (was_near)
-            c.contacts.at(slot, lane) = contact;
+            contact.leapt = c.contacts.at(slot, lane).leapt, c.contacts.at(slot, lane) = contact;
         else
             growths += insert_contact(c, lane, slot, contact), c.contacts.at(slot, lane).fresh = true;
         ++slot;

@@ -58,7 +58,8 @@ std::string remarks(const Summary& s) {
         "nothing pushed it out");
     out += remark(
         s, [](F f) { return double(f.wrong_side_steps); }, 0, "%.0f",
-        "in # steps an object pressed on it from inside its skin (it has passed through): use smaller steps (dt_ms), "
+        "in # steps an object pressed on it from inside its skin, or its skin has leapt through one (it has passed "
+        "through): use smaller steps (dt_ms), "
         "objects thicker than a finger moves in one, or closer samples (solver.sample_refinement)");
     out += remark(
         s, [](F f) { return double(f.rough_steps); }, 0, "%.0f",

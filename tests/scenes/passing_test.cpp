@@ -46,7 +46,8 @@ TEST(Passing, SkinThatABlowHasWoundUpDoesNotLeapThroughAThickBox) {
 }
 
 /// Steps of 20 ms: skin that is pressed onto a dome snaps off it within one, through it, and rests beside it with a
-/// tenth of the force that it has in short steps, which keep it on top. That step says so.
+/// tenth of the force that it has in short steps, which keep it on top. That step says so, and all in which it rests
+/// there.
 TEST(Passing, SkinThatLeapsOffADomeSaysSo) {
     const auto dome = [](const char* dt_ms) {
         return make_simulation(
@@ -79,7 +80,8 @@ TEST(Passing, SkinThatLeapsOffADomeSaysSo) {
     const double kept = shorter.world.contact_surfaces[0].normal_force,
                  rests = longer.world.contact_surfaces[0].normal_force;
     EXPECT_GT(kept, 1);
-    EXPECT_TRUE(said > 0 || std::abs(rests - kept) < 0.05 * kept) << rests << " instead of " << kept << " N, unsaid";
+    const bool says_so = said > 0 && !skin_status(longer.world, longer.fingers[0]).converged;
+    EXPECT_TRUE(says_so || std::abs(rests - kept) < 0.05 * kept) << rests << " instead of " << kept << " N, unsaid";
 }
 
 /// The end of a box comes in where the skin rides on its bone, and touches nothing, and stays under the pad's rim.
