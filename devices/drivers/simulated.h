@@ -17,6 +17,7 @@ struct ServoModel {
     double delay_s = 0.020;       ///< the pulse that is read is one frame old
     double slew_rad_per_s = 8.7;  ///< 60 degrees in 0.12 s
     std::vector<std::string> validate() const;
+    bool operator==(const ServoModel&) const = default;
 };
 
 /// Bounds of these; validate() and readers of files hold to them alone.

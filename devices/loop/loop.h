@@ -18,6 +18,7 @@ struct SlewLimits {
     double velocity = 6.0;        ///< [rad/s]; a hobby servo does 60 degrees in 0.1 to 0.2 s
     double acceleration = 200.0;  ///< [rad/s^2]
     std::vector<std::string> validate() const;
+    bool operator==(const SlewLimits&) const = default;
 };
 
 /// Bounds of these; validate() and readers of files hold to them alone.
@@ -40,6 +41,7 @@ struct ThimbleLoopSettings {
     double first_velocity = 1.0;   ///< of the first move after (re-)arming [rad/s]
     double touch_velocity = 0;     ///< of the approach to a first contact [rad/s]; 0: as always
     SlewLimits limits;
+    bool operator==(const ThimbleLoopSettings&) const = default;
 };
 
 enum class ThimbleMode { following, holding, resting, fault };

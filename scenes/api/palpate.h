@@ -174,7 +174,8 @@ PALPATE_API int32_t palpate_find_finger(PalpateWorld world, const char* name, in
 PALPATE_API int32_t palpate_find_object(PalpateWorld world, const char* name, int32_t* object);
 
 /* Changes settings while it runs ("finger.index.material.young_kPa=40"), which takes milliseconds. Not those that build
-   another mesh, or other fingers, objects or thimbles: PALPATE_ERROR_STATE, and a new world is the remedy. */
+   another mesh, or other fingers, objects or thimbles: PALPATE_ERROR_STATE, and a new world is the remedy. Objects that
+   nothing moves go to where their position_mm and rotation_deg have changed; bodies are where they are. */
 PALPATE_API int32_t palpate_set(PalpateWorld world, const char* const* settings, int32_t count);
 
 /* ---- Fingers, objects and thimbles, their ids, and how they come and go ---- */

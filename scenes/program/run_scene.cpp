@@ -130,7 +130,10 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     tell_of_scene(a, scene);
     const std::filesystem::path folder =
         a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
+    const std::size_t told = scene.warnings.size();
     Simulation simulation = make_simulation(std::move(scene), a.threads);
+    for (std::size_t k = told; k < simulation.scene.warnings.size(); ++k)
+        std::fprintf(stderr, "warning: %s\n", simulation.scene.warnings[k].c_str());
     loading.reset();
     follow_tracker(a, simulation);
     ReportRecorder report;

@@ -151,7 +151,8 @@ struct LiveRun {
                             {"summary", ""},
                             {"scene", read_file(scene.file)},
                             {"settings", settings_of(scene)}};
-        auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads));
+        // Rows are for results, which a live run has none of: without end, they would fill the memory.
+        auto fresh = std::make_unique<Simulation>(make_simulation(std::move(scene), arguments.threads, false));
         loading.reset();
         // A recorded run has one scene file.
         const bool goes_on =
@@ -237,11 +238,6 @@ struct LiveRun {
             told_failure = true;
             std::fprintf(stderr, "%s; the recording ends there\n", record->failure().c_str());
         }
-        // Rows are for results, which a live run has none of: without end, they would fill the memory.
-        for (Series& series : s.finger_series) series.values.clear();
-        for (Series& series : s.body_series) series.values.clear();
-        for (Series& series : s.soft_series) series.values.clear();
-        s.step_series.values.clear();
     }
 
     std::string silent{};

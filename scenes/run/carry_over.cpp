@@ -87,6 +87,14 @@ void carry_chunks(std::vector<SkinChunk<T>>& from, std::vector<SkinChunk<T>>& to
     }
 }
 
+/// Whether the scene of `now` places an object elsewhere than that of `before` did.
+bool placed_elsewhere(const Simulation& before, const Simulation& now, std::size_t object) {
+    const auto &a = before.scene.spec.objects, &b = now.scene.spec.objects;
+    if (object >= a.size() || object >= b.size()) return false;
+    return norm(a[object].pose.position - b[object].pose.position) > 0 ||
+           norm(a[object].pose.rotation.vector() - b[object].pose.rotation.vector()) > 0;
+}
+
 /// Fingers that are no longer to touch each other let go.
 void part_fingers(World& w) {
     w.chunks.for_each([](auto& c) {
@@ -103,6 +111,8 @@ bool carry_over(Simulation& from, Simulation& to) {
     rearrange(u, u.chunks.doubles, v, v.chunks.doubles);
     rearrange(u, u.chunks.floats, v, v.chunks.floats);
     if (!alike(from, to)) return false;
+    // Armed ones are driven by threads of their own, and simulated servos have a past: neither changes on the way.
+    if (from.hardware ? !same_thimbles(from, to) : from.scene.servo != to.scene.servo) return false;
     v.time = u.time, v.step = u.step;
     carry_chunks(u.chunks.doubles, v.chunks.doubles);
     carry_chunks(u.chunks.floats, v.chunks.floats);
@@ -115,7 +125,9 @@ bool carry_over(Simulation& from, Simulation& to) {
     for (std::size_t i = 0; i < u.shapes.size(); ++i) {
         const VirtualObject& a = u.shapes[i];
         VirtualObject& b = v.shapes[i];
-        b.pose = a.pose, b.previous = a.previous, b.body = a.body, b.held_body = a.held_body;
+        const bool goes_there = a.body < 0 && placed_elsewhere(from, to, i);  // what forces move goes on where it is
+        if (!goes_there) b.pose = a.pose;
+        b.previous = a.previous, b.body = a.body, b.held_body = a.held_body;
     }
     for (std::size_t i = 0; i < u.bodies.size(); ++i) {
         const RigidBody& a = u.bodies[i];
@@ -139,6 +151,12 @@ bool carry_over(Simulation& from, Simulation& to) {
         b.q = a.q, b.torque = a.torque, b.force_N = a.force_N;
         v.device_links[i].mailbox = &from.loops[i]->mailbox;
         v.device_links[i].retreat = u.device_links[i].retreat, v.device_links[i].retreats = u.device_links[i].retreats;
+    }
+    for (std::size_t t = 0; t < from.loops.size() && !from.hardware; ++t) {
+        ThimbleLoop& loop = *from.loops[t];
+        ThimbleLoop& fresh = *to.loops[t];
+        loop.settings = fresh.settings, loop.model = fresh.model, loop.rest_q = fresh.rest_q;
+        loop.largest_torque = fresh.largest_torque, loop.moving_torque = fresh.moving_torque;
     }
     to.loops = std::move(from.loops);
     to.hardware = std::move(from.hardware);

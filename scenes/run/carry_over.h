@@ -6,7 +6,8 @@
 namespace palpate {
 
 /// Gives `to`, just made from the same scene with other settings, the state of `from`: time, hands, skins, bodies,
-/// thimbles, and the loops and controllers that drive them, which go on without a break. False, and nothing has
+/// thimbles, and the loops and controllers that drive them, which go on without a break. Objects that nothing moves are
+/// where the settings put them, if that has changed; what forces move is where it was. False, and nothing has
 /// changed, where the two are not built alike (other meshes, objects or thimbles).
 bool carry_over(Simulation& from, Simulation& to);
 

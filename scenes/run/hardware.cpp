@@ -162,14 +162,18 @@ void disarm(Simulation& s) {
     }
 }
 
+bool same_thimbles(const Simulation& a, const Simulation& b) {
+    return a.scene.drivers == b.scene.drivers && a.scene.loop == b.scene.loop && a.scene.servo == b.scene.servo &&
+           std::equal(a.loops.begin(), a.loops.end(), b.loops.begin(), b.loops.end(), [](const auto& x, const auto& y) {
+               const DeviceModel &u = x->model, &v = y->model;
+               return u.kind->name == v.kind->name && u.joint_min == v.joint_min && u.joint_max == v.joint_max &&
+                      u.geometry == v.geometry && u.max_force == v.max_force && x->rest_q == y->rest_q &&
+                      x->torque.size() == y->torque.size();
+           });
+}
+
 bool keep_armed(Simulation& from, Simulation& to) {
-    if (!from.hardware || from.scene.drivers != to.scene.drivers || from.loops.size() != to.loops.size()) return false;
-    for (std::size_t t = 0; t < from.loops.size(); ++t) {
-        const DeviceModel &a = from.loops[t]->model, &b = to.loops[t]->model;
-        if (a.kind->name != b.kind->name || a.joint_min != b.joint_min || a.joint_max != b.joint_max ||
-            from.loops[t]->rest_q != to.loops[t]->rest_q || from.loops[t]->torque.size() != to.loops[t]->torque.size())
-            return false;
-    }
+    if (!from.hardware || !same_thimbles(from, to)) return false;
     for (std::size_t t = 0; t < from.loops.size(); ++t) to.world.device_links[t].mailbox = &from.loops[t]->mailbox;
     to.loops = std::move(from.loops);
     to.hardware = std::move(from.hardware);

@@ -51,6 +51,9 @@ const ThimbleReport& newest_report(Hardware& hardware, int thimble);
 /// Sleeps until the next step is due.
 void wait_for_real_time(RealTimePace& pace, double dt);
 
+/// Whether two scenes' thimbles are driven alike: by the same controllers, within the same limits.
+bool same_thimbles(const Simulation& a, const Simulation& b);
+
 /// Hands armed thimbles from one simulation to another of the same thimbles, on the same controllers: faults stay as
 /// they are. False, and nothing has changed, where they are not the same, or not armed.
 bool keep_armed(Simulation& from, Simulation& to);

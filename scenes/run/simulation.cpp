@@ -1,9 +1,12 @@
 #include "scenes/run/simulation.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "meshes/input_error.h"
+#include "meshes/plain_numbers.h"
 #include "scenes/run/finger_output.h"
 #include "scenes/run/grasp.h"
 #include "scenes/run/hardware.h"
@@ -116,30 +119,44 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 namespace {
 
-/// Series with memory for the scene's whole duration.
+/// Memory for the tables of the scene's whole duration, of which half the machine's is the most: steps in real time
+/// shall not wait for all that came before to be moved. Says where more would be needed.
+void reserve_series(Simulation& s) {
+    const double steps = std::ceil(s.scene.duration / s.scene.spec.solver.dt) + 2,
+                 memory = double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGESIZE));
+    std::vector<Series*> all{&s.step_series};
+    for (std::vector<Series>* of : {&s.finger_series, &s.body_series, &s.soft_series})
+        for (Series& series : *of) all.push_back(&series);
+    const auto numbers = [](const Series& series) { return series.columns.size() + 1; };  // armed: age of commands, too
+    double row = 0;
+    for (const Series* series : all) row += double(sizeof(double) * numbers(*series));
+    const double rows = std::min(steps, 0.5 * memory / row);
+    if (rows < steps) {
+        PlainText text;
+        text.precision(3);
+        text
+            << "duration_s: the tables of " << steps << " steps take " << 1e-9 * steps * row << " GB of memory, of "
+            << 1e-9 * memory
+            << " that this machine has; a shorter duration_s or a longer dt_ms takes less, and palpate view keeps none";
+        s.scene.warnings.push_back(text.str());
+    }
+    for (Series* series : all) series->values.reserve(std::size_t(rows) * numbers(*series));
+}
+
 void prepare_series(Simulation& s) {
-    const auto steps = std::min<std::size_t>(
-        s.keeps_series ? std::size_t(std::ceil(s.scene.duration / s.scene.spec.solver.dt)) + 2 : 0, 2000000);
     for (const EntityId finger : s.fingers) {
         Series series{finger_columns, {}};
         if (const int t = thimble_of(s.world, finger); t >= 0)
             for (auto& column : thimble_columns(*s.world.matchings[std::size_t(t)].model.kind))
                 series.columns.push_back(std::move(column));
         series.columns.insert(series.columns.end(), output_columns.begin(), output_columns.end());
-        series.reserve(steps);
         s.finger_series.push_back(std::move(series));
     }
-    for (std::size_t b = 0; b < s.world.bodies.size(); ++b) {
-        s.body_series.push_back({body_columns(s), {}});
-        s.body_series.back().reserve(steps);
-    }
-    for (std::size_t k = 0; k < s.world.soft.all.size(); ++k) {
-        s.soft_series.push_back({soft_columns(), {}});
-        s.soft_series.back().reserve(steps);
-    }
+    for (std::size_t b = 0; b < s.world.bodies.size(); ++b) s.body_series.push_back({body_columns(s), {}});
+    for (std::size_t k = 0; k < s.world.soft.all.size(); ++k) s.soft_series.push_back({soft_columns(), {}});
     s.step_series.columns = step_columns;
     if (s.governor) s.step_series.columns.emplace_back("preset");
-    s.step_series.reserve(steps);
+    if (s.keeps_series) reserve_series(s);
 }
 
 }  // namespace

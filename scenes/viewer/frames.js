@@ -28,10 +28,11 @@ function readFrame(view, at) {
   const i16 = () => { p += 2; return view.getInt16(p - 2, true); };
   const pose = () => { const v = []; for (let i = 0; i < 7; ++i) v.push(f32()); return v; };
   const frame = { time: f32(), step_us: f32(), steps: f32(), fingers: [], objects: [], thimbles: [] };
-  for (const finger of model.fingers) {
+  const converged = model.fingers.map(() => f32());
+  for (const [row, finger] of model.fingers.entries()) {
     const n = finger.rest.length / 3;
     const f = { bone: pose(), force: f32(), area: f32() }, pressure_unit = 1e-3 * f32(), force_unit = f32();
-    f.converged = f32();
+    f.converged = converged[row];
     Object.assign(f, { position: new Float32Array(3 * n), pressure: new Float32Array(n),
       stretch: new Float32Array(n), limited: new Uint8Array(n), forces: new Float32Array(3 * finger.samples.length) });
     for (let i = 0; i < n; ++i) {

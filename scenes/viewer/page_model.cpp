@@ -75,7 +75,7 @@ Strains strains_of(const TetMesh& mesh, const std::vector<Point>& now, const Fin
     return s;
 }
 
-void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::size_t row, int converged) {
+void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::size_t row) {
     const EntityId finger = s.fingers[row];
     const TetMesh& mesh = s.world.skins.find(finger)->mesh;
     const ContactSurface& contact = *s.world.contact_surfaces.find(finger);
@@ -89,7 +89,7 @@ void append_finger(std::vector<std::uint8_t>& out, const Simulation& s, std::siz
         for (int d = 0; d < 3; ++d) forces.push_back(f[d]);
     const float pressure_unit = unit_for(pressure, least_pressure, unsigned_range),
                 force_unit = unit_for(forces, 0.1, signed_range);
-    put_floats(out, {contact.normal_force, contact.touching_area, pressure_unit, force_unit, double(converged)});
+    put_floats(out, {contact.normal_force, contact.touching_area, pressure_unit, force_unit});
     for (int i : skin_nodes(mesh)) {
         const Point& x = now[std::size_t(i)];
         put_node(out, inverse_transform(bone, Vec3<double>{x[0], x[1], x[2]}), pressure[std::size_t(i)], pressure_unit);
@@ -231,7 +231,8 @@ void append_frame(std::vector<std::uint8_t>& out, const Simulation& s, const std
                   DrawnHands& hands, const SinceFrame& since) {
     put_floats(out, {s.world.time, since.longest_us, double(since.steps)});
     for (std::size_t row = 0; row < s.fingers.size(); ++row)
-        append_finger(out, s, row, row < since.converged.size() ? since.converged[row] : 0);
+        put(out, float(row < since.converged.size() ? since.converged[row] : 0));
+    for (std::size_t row = 0; row < s.fingers.size(); ++row) append_finger(out, s, row);
     for (const VirtualObject& o : s.world.shapes) {
         put_pose(out, o.pose);
         if (o.soft >= 0) append_soft(out, s.world, s.world.soft.all[std::size_t(o.soft)]);

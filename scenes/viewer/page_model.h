@@ -28,9 +28,9 @@ struct SinceFrame {
 /// Call after every step.
 void note_step(SinceFrame& since, const Simulation& simulation);
 
-/// Appends the state now, little-endian, in the model's order: time f32; since the last frame its longest step f32 [us]
-/// and number of steps f32; per finger: bone pose 7 f32, contact force and area f32, units of pressure [Pa] and force
-/// [N] f32, converged steps since the last frame f32, then per skin node x, y, z i16 [2 um, bone frame], pressure u16
+/// Appends the state now, little-endian, in the model's order: time f32; since the last frame its longest step f32
+/// [us], number of steps f32, and per finger those that converged f32; per finger: bone pose 7 f32, contact force and
+/// area f32, units of pressure [Pa] and force [N] f32, then per skin node x, y, z i16 [2 um, bone frame], pressure u16
 /// [its unit], largest departure of a principal stretch from 1 u8
 /// [%], 1 where an element is at a strain limit u8; per sample contact force 3 i16 [its unit]; number of points of
 /// where contact ends u16, and those, in pairs, i16 [2 um, bone frame]; per object: pose 7 f32,

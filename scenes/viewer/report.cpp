@@ -1,6 +1,8 @@
 #include "scenes/viewer/report.h"
 
+#include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "meshes/mesh_files.h"
@@ -44,11 +46,42 @@ void ReportRecorder::record(const Simulation& s) {
     if (s.world.time + 1e-9 < next_) return;
     if (!rendered_pads_) rendered_pads_ = std::make_unique<RenderedPads>(s);
     if (!hands_) hands_ = std::make_unique<DrawnHands>(s);
+    fingers_ = s.fingers.size();
     append_frame(frames_, s, rendered_pads_->solve(s), *hands_, since_);
-    ++count_;
+    ends_.push_back(frames_.size());
     since_ = {};
+    if (frames_.size() > most_bytes_ && ends_.size() > 1) thin(1 / s.world.solver.dt);
     next_ += 1 / rate_;  // from when it was due: steps that do not divide the period lower no rate
     if (next_ <= s.world.time) next_ = s.world.time + 1 / rate_;
+}
+
+/// Of each two frames the later one stays, and tells of the steps of both (append_frame).
+void ReportRecorder::thin(double steps_per_second) {
+    std::vector<std::uint8_t> kept;
+    std::vector<std::size_t> ends;
+    const auto number = [](const std::uint8_t* at) {
+        float x;
+        std::memcpy(&x, at, sizeof x);
+        return x;
+    };
+    for (std::size_t k = 1; k < ends_.size(); k += 2) {
+        const std::uint8_t *earlier = frames_.data() + (k > 1 ? ends_[k - 2] : 0),
+                           *later = frames_.data() + ends_[k - 1];
+        const std::size_t begin = kept.size();
+        kept.insert(kept.end(), later, static_cast<const std::uint8_t*>(frames_.data()) + ends_[k]);
+        for (std::size_t i = 1; i < 3 + fingers_; ++i) {
+            const float a = number(earlier + 4 * i), b = number(later + 4 * i), both = i == 1 ? std::max(a, b) : a + b;
+            std::memcpy(&kept[begin + 4 * i], &both, sizeof both);
+        }
+        ends.push_back(kept.size());
+    }
+    if (ends_.size() % 2) {  // the last one has nothing after it yet
+        kept.insert(kept.end(), frames_.begin() + std::ptrdiff_t(ends_[ends_.size() - 2]), frames_.end());
+        ends.push_back(kept.size());
+    }
+    frames_ = std::move(kept);
+    ends_ = std::move(ends);
+    rate_ = 0.5 * std::min(rate_, steps_per_second);
 }
 
 std::string page_with(const nlohmann::json& data) {
@@ -77,8 +110,8 @@ std::string ReportRecorder::page(const Simulation& s, const Summary& summary, co
     for (const FingerSummary& f : summary.fingers) converged += f.converged_share / double(summary.fingers.size());
     char about[240];
     plain_snprintf(about, sizeof about,
-                   "%.3g s in steps of %.3g ms, %.1f %% of them converged; %d frames shown (at most %.0f per second)",
-                   s.world.time, 1e3 * s.world.solver.dt, 100 * converged, count_, rate_);
+                   "%.3g s in steps of %.3g ms, %.1f %% of them converged; %d frames shown (at most %.3g per second)",
+                   s.world.time, 1e3 * s.world.solver.dt, 100 * converged, int(ends_.size()), rate_);
     nlohmann::json model = page_model(s);
     if (scales.most > 0) set_scales(model, scales);
     return page_with({{"model", model},

@@ -1,17 +1,21 @@
 #pragma once
 // A run as one self-contained HTML file: 3-D playback, plots, summary and scene.
 
+#include <cstdint>
 #include <filesystem>
+#include <vector>
 
 #include "scenes/run/summary.h"
 #include "scenes/viewer/page_model.h"
 
 namespace palpate {
 
-/// Collects frames of a run, `rate` per simulated second where steps are no longer than that.
+/// Collects frames of a run, `rate` per simulated second where steps are no longer than that. Browsers open no page of
+/// gigabytes: frames that come to more than `most_bytes` are thinned to every second one, and the rate is halved.
 class ReportRecorder {
   public:
-    explicit ReportRecorder(double rate = 30) : rate_(rate) {}
+    explicit ReportRecorder(double rate = 30, std::size_t most_bytes = 64'000'000)
+        : rate_(rate), most_bytes_(most_bytes) {}
     /// Call after every step.
     void record(const Simulation& simulation);
     /// The page of all frames so far.
@@ -21,12 +25,15 @@ class ReportRecorder {
                const PictureScales& scales = {}) const;
 
   private:
+    void thin(double steps_per_second);
     double rate_, next_ = 0;
+    std::size_t most_bytes_;
     SinceFrame since_;
     std::vector<std::uint8_t> frames_;
+    std::vector<std::size_t> ends_;  ///< of each frame
+    std::size_t fingers_ = 0;
     std::unique_ptr<RenderedPads> rendered_pads_;
     std::unique_ptr<DrawnHands> hands_;
-    int count_ = 0;
 };
 
 /// The page with its data filled in.

@@ -287,6 +287,31 @@ TEST(Api, ViewsFollowNewSettings) {
     EXPECT_EQ(PALPATE_OK, palpate_step(world, 20)) << palpate_last_error();
 }
 
+/// Where an object stands that nothing moves is a setting as others are; where a body lies is none.
+TEST(Api, SettingsMoveWhatNothingElseMoves) {
+    const char* const higher[] = {"object.table.position_mm=[0,0,0.4]", "object.table.friction=0",
+                                  "object.cube.position_mm=[80,0,5.4]"};
+    Held changed, fresh;
+    for (Held* world : {&changed, &fresh})
+        ASSERT_EQ(PALPATE_OK, palpate_load_text(small_scene, nullptr, &world->id)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_step(changed, 80));
+    ASSERT_EQ(PALPATE_OK, palpate_set(changed, higher, 3)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_set(fresh, higher, 1)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_set(fresh, higher + 1, 1)) << palpate_last_error();
+    ASSERT_EQ(PALPATE_OK, palpate_step(changed, 300));
+    ASSERT_EQ(PALPATE_OK, palpate_step(fresh, 380));
+    PalpateFingerState a{}, b{};
+    a.size = b.size = sizeof a;
+    ASSERT_EQ(PALPATE_OK, palpate_get_finger(changed, 0, &a));
+    ASSERT_EQ(PALPATE_OK, palpate_get_finger(fresh, 0, &b));
+    EXPECT_GT(b.force[2], 0.1);
+    EXPECT_NEAR(a.force[2], b.force[2], 2e-3 * b.force[2]);
+    PalpateObjectState cube{};
+    cube.size = sizeof cube;
+    ASSERT_EQ(PALPATE_OK, palpate_get_object(changed, 1, &cube));
+    EXPECT_NEAR(cube.pose[0], 0.060, 1e-4);
+}
+
 TEST(Api, NothingIsAllocatedInAStep) {
     if (!PALPATE_COUNTS_ALLOCATIONS) GTEST_SKIP() << "a sanitiser has the allocator";
     Held world;

@@ -117,6 +117,23 @@ TEST(Results, AKilledRunLeavesItsTables) {
     EXPECT_NE(whole.find(",bone_qw,bone_qx,bone_qy,bone_qz,pressure_peak_kPa\n"), std::string::npos);
 }
 
+/// Steps in real time shall not wait for tables to be moved to where there is room for more, however long the run and
+/// with armed thimbles' own column; where they do not fit into half of the memory, that is said.
+TEST(Results, TablesHaveRoomForTheWholeRun) {
+    const auto tables = [](const std::string& duration) {
+        return make_simulation(load_scene(scenes + "press.toml", {"dt_ms=1", "duration_s=" + duration}), 1);
+    };
+    const Simulation hour = tables("2400");
+    const Series& finger = hour.finger_series[0];
+    if (hour.scene.warnings.empty()) {  // on a machine of 3 GB and more
+        EXPECT_GE(finger.values.capacity(), 2400000 * (finger.columns.size() + 1));
+    }
+    const Simulation days = tables("100000");
+    ASSERT_FALSE(days.scene.warnings.empty());
+    EXPECT_NE(days.scene.warnings.back().find("the tables of 1e+08 steps take "), std::string::npos)
+        << days.scene.warnings.back();
+}
+
 TEST(Results, PlotsHoldForcesAreasPressuresJointsAndStepTimes) {
     testing::ScratchFolder scratch;
     const fs::path out = scratch.path / "out";

@@ -22,6 +22,7 @@
 #include "scenes/picture/scene_triangles.h"
 #include "scenes/recording/run_file.h"
 #include "scenes/run/carry_over.h"
+#include "scenes/run/hardware.h"
 #include "scenes/viewer/report.h"
 #include "scenes/viewer/server.h"
 #include "tests/real_time.h"
@@ -80,10 +81,10 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
     EXPECT_NEAR(float_at(frame, 0), s.world.time, 1e-6);
     EXPECT_EQ(float_at(frame, 4), 123);
     EXPECT_EQ(float_at(frame, 8), 3);  // steps, of which converged:
-    EXPECT_EQ(float_at(frame, 56), 2);
+    EXPECT_EQ(float_at(frame, 12), 2);
     const Pose<double> bone = bone_pose(s.world, s.fingers[0]);
-    EXPECT_NEAR(float_at(frame, 20), bone.position.z, 1e-8);
-    EXPECT_NEAR(float_at(frame, 40), s.world.contact_surfaces[0].normal_force, 1e-6);
+    EXPECT_NEAR(float_at(frame, 24), bone.position.z, 1e-8);
+    EXPECT_NEAR(float_at(frame, 44), s.world.contact_surfaces[0].normal_force, 1e-6);
     double pressure = 0;
     for (std::size_t i = 0; i < nodes; ++i) {
         std::int16_t x[3];
@@ -91,7 +92,7 @@ TEST(Stage, AFrameHoldsWhatTheWorldHolds) {
         std::memcpy(x, &frame[60 + 10 * i], 6);
         std::memcpy(&p, &frame[60 + 10 * i + 6], 2);
         for (int d = 0; d < 3; ++d) EXPECT_NEAR(2e-6 * x[d], finger["rest"][3 * i + d].get<double>(), 4e-3);
-        pressure = std::max(pressure, 1e-3 * float_at(frame, 48) * p);
+        pressure = std::max(pressure, 1e-3 * float_at(frame, 52) * p);
     }
     const std::vector<double> felt_pressure = node_pressures(s.world, s.fingers[0]);
     const double peak = 1e-3 * *std::max_element(felt_pressure.begin(), felt_pressure.end());
@@ -163,6 +164,63 @@ std::vector<std::pair<double, double>> curve_of(const std::string& svg, const st
     char comma;
     for (double t, v; points >> t >> comma >> v;) out.emplace_back(t, v);
     return out;
+}
+
+std::vector<std::uint8_t> from_base64(const std::string& text) {
+    static const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::vector<std::uint8_t> out;
+    unsigned word = 0, bits = 0;
+    for (const char c : text) {
+        if (c == '=') break;
+        word = word << 6 | unsigned(digits.find(c)), bits += 6;
+        if (bits >= 8) bits -= 8, out.push_back(std::uint8_t(word >> bits & 255));
+    }
+    return out;
+}
+
+/// An hour's session is no page of gigabytes: frames are thinned, and those that stay tell of all steps.
+TEST(Stage, AReportOfALongRunHasFewerFramesOfAllItsSteps) {
+    Simulation s = make_simulation(load_scene(scenes + "press.toml"), 1);
+    RenderedPads pads(s);
+    DrawnHands hands(s);
+    std::vector<std::uint8_t> one;
+    append_frame(one, s, pads.solve(s), hands, {});
+    const nlohmann::json model = page_model(s), &finger = model["fingers"][0];
+    const std::size_t outline_at = 60 + 10 * finger["rest"].size() / 3 + 6 * finger["samples"].size();
+    const std::size_t most = 20 * one.size();
+    ReportRecorder all(1000), few(1000, most);
+    double longest = 0;
+    int converged = 0;
+    constexpr int steps = 99;
+    for (int k = 0; k < steps; ++k) {
+        advance(s);
+        longest = std::max(longest, 1e6 * s.world.profile.total());
+        converged += skin_status(s.world, s.fingers[0]).converged;
+        all.record(s), few.record(s);
+    }
+    auto frames_of = [&](const ReportRecorder& r) {
+        const std::string page = r.page(s, summarise(s)), mark = "\"frames\":\"";
+        const std::size_t begin = page.find(mark) + mark.size();
+        return from_base64(page.substr(begin, page.find('"', begin) - begin));
+    };
+    EXPECT_GT(frames_of(all).size(), 90 * one.size());
+    const std::vector<std::uint8_t> frames = frames_of(few);
+    EXPECT_LE(frames.size(), most);
+    EXPECT_GT(frames.size(), most / 3);
+    double told = 0, told_longest = 0, told_converged = 0, time = 0;
+    for (std::size_t at = 0; at < frames.size();) {
+        EXPECT_GT(float_at(frames, at), time);
+        time = float_at(frames, at);
+        told_longest = std::max<double>(told_longest, float_at(frames, at + 4));
+        told += float_at(frames, at + 8), told_converged += float_at(frames, at + 12);
+        at += one.size() + 6 * std::size_t(frames[at + outline_at] + 256 * frames[at + outline_at + 1]);
+    }
+    EXPECT_GT(time, s.world.time - 8 * s.world.solver.dt);
+    EXPECT_GT(told, steps - 8);
+    EXPECT_LE(told, steps);
+    EXPECT_NEAR(told_converged, told, 3 + steps - converged);
+    EXPECT_LE(told_longest, longest * (1 + 1e-6));
+    EXPECT_NE(few.page(s, summarise(s)).find("(at most 25 per second)"), std::string::npos);
 }
 TEST(Report, IsOneFileThatABrowserPlays) {
     testing::ScratchFolder scratch;
@@ -341,6 +399,33 @@ TEST(CarryOver, GoesOnWhereTheRunWas) {
         EXPECT_GT(softer.world.shapes[1].pose.position.z, held - 0.002) << "it was dropped";
         for (const EntityId finger : softer.fingers) EXPECT_TRUE(skin_status(softer.world, finger).converged);
     }
+}
+
+/// Whoever makes a thimble slower while it runs is not to be told nothing and have it as fast as before: limits are
+/// taken at once, and where it is armed, it is disarmed.
+TEST(CarryOver, NewLimitsOfThimblesAreTakenOrDisarmThem) {
+    const auto made = [](std::vector<std::string> overrides, const char* channels = "[0,1,2]") {
+        overrides.insert(overrides.end(), {"finger.index.device.driver=maestro-dry", "finger.index.device.serial=\"1\"",
+                                           std::string("finger.index.device.channels=") + channels});
+        return make_simulation(load_scene(scenes + "press.toml", overrides), 1);
+    };
+    const std::string slow = "thimbles.velocity_rad_per_s=1";
+    Simulation run = made({}), slower = made({slow});
+    for (int k = 0; k < 5; ++k) advance(run);
+    ASSERT_TRUE(carry_over(run, slower));
+    EXPECT_EQ(slower.loops[0]->settings.limits.velocity, 1);
+    const testing::ScratchFolder folder;
+    arm(slower, {false, folder.path, false});
+    Simulation faster = made({}), elsewhere = made({slow}, "[3,4,5]"),
+               softer = made({slow, "finger.index.material.young_kPa=20"});
+    for (Simulation* other : {&faster, &elsewhere}) {
+        EXPECT_FALSE(carry_over(slower, *other));
+        EXPECT_FALSE(keep_armed(slower, *other));
+    }
+    ASSERT_TRUE(carry_over(slower, softer));
+    EXPECT_TRUE(softer.hardware);
+    EXPECT_EQ(softer.loops[0]->settings.limits.velocity, 1);
+    disarm(softer);
 }
 
 TEST(ViewServer, ServesFramesAndTakesCommandsButNotFromStrangers) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <optional>
 
 #include "scenes/studies/random/watched_run.h"
 
@@ -198,6 +199,60 @@ void compare_alone(const Scene& scene, const Trace& together, Comparisons& found
     }
 }
 
+/// Where the same scene can be once more, far from itself and not below any plane.
+std::optional<Vec3<double>> place_beside(const Scene& scene) {
+    constexpr double far = 0.7;  // [m]
+    const Vec3<double> all[] = {{far, 0, 0}, {0, 0, far}, {0, far, 0}, {-far, 0, 0}, {0, -far, 0}, {0, 0, -far}};
+    const auto is_above = [&](const Vec3<double>& by) {
+        return std::none_of(scene.spec.objects.begin(), scene.spec.objects.end(), [&](const ObjectSpec& o) {
+            return o.shape.kind == ShapeKind::plane && dot(rotation_matrix(o.pose.rotation) * Vec3<double>{0, 0, 1}, by) < -1e-9;
+        });
+    };
+    const std::size_t first = scene.spec.objects.size() % 2;  // beside it, or above it, where it touches nothing
+    for (std::size_t k = 0; k < std::size(all); ++k)
+        if (const Vec3<double>& by = all[(first + k) % std::size(all)]; is_above(by)) return by;
+    return std::nullopt;
+}
+
+/// A scene and, far away, its fingers and what they touch once more: they share chunks, and each solve goes on until
+/// the last one ends.
+Scene doubled(const Scene& scene, const Vec3<double>& by) {
+    Scene two = scene;
+    const Pose<double> away{by, Quaternion<double>::identity()};
+    for (std::size_t i = 0; i < scene.spec.fingers.size(); ++i) {
+        FingerSpec& f = two.spec.fingers.emplace_back(scene.spec.fingers[i]);
+        f.name += " beside";
+        f.start = moved(away, f.start);
+        for (Keyframe& k : two.finger_motions.emplace_back(scene.finger_motions[i]).keyframes)
+            k.pose = moved(away, k.pose);
+        two.finger_models.push_back(scene.finger_models[i]);
+    }
+    for (std::size_t i = 0; i < scene.spec.objects.size(); ++i) {
+        if (scene.spec.objects[i].shape.kind == ShapeKind::plane) continue;
+        ObjectSpec& o = two.spec.objects.emplace_back(scene.spec.objects[i]);
+        o.name += " beside";
+        o.pose = moved(away, o.pose);
+        for (Keyframe& k : two.object_motions.emplace_back(scene.object_motions[i])) k.pose = moved(away, k.pose);
+    }
+    return two;
+}
+
+/// What a scene does far away from itself changes no bit of it.
+void compare_beside(const Scene& scene, const Trace& alone, Comparisons& found) {
+    // Sums over the fingers on a body come in the order of their lanes.
+    if ((has_bodies(scene) && scene.spec.fingers.size() > 1) || alone.fingers_near) return;
+    if (!scene.hand.empty() || !scene.spec.thimbles.empty() || !scene.spec.finger_frictions.empty()) return;
+    const auto by = place_beside(scene);
+    if (!by) return;
+    const Trace both = found.run(doubled(scene, *by));
+    for (std::size_t k = 0; k < alone.force.size(); ++k)
+        for (std::size_t i = 0; i < alone.force[k].size(); ++i)
+            if (const double a = alone.force[k][i], b = both.force[k][i]; a != b && std::isfinite(a))
+                return found.add("what is far away changes nothing",
+                                 law_text("step %zu: %.9g N of %s are %.9g N beside another", k + 1, a,
+                                          scene.spec.fingers[i].name.c_str(), b));
+}
+
 /// What goes in, recorded, read and put in again, gives the same bits.
 void compare_replay(const Scene& scene, const std::filesystem::path& recording, const Trace& first,
                     Comparisons& found) {
@@ -320,9 +375,9 @@ std::vector<Violation> broken_laws(const std::filesystem::path& file, FingerTemp
     };
     using Comparison = std::function<void(const Scene&, const Trace&, Comparisons&)>;
     // What a deadline cuts short hangs on the clock: it can be repeated as it was recorded, and that alone.
-    std::vector<Comparison> comparisons{compare_recorded,     compare_threads, compare_order,
-                                        compare_object_order, compare_alone,   compare_precision,
-                                        compare_mirrored,     compare_moved,   compare_step};
+    std::vector<Comparison> comparisons{compare_recorded, compare_threads, compare_order,     compare_object_order,
+                                        compare_alone,    compare_beside,  compare_precision, compare_mirrored,
+                                        compare_moved,    compare_step};
     if (scene.deadline > 0) comparisons.resize(1);
     for (std::size_t k = 0; k < comparisons.size() && found.iterations < budget.iterations; ++k)
         comparisons[(budget.first + k) % comparisons.size()](scene, trace, found);
