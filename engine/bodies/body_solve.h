@@ -47,6 +47,8 @@ struct Island {
     bool recovers = false;    ///< scratch: an overlap has been undone in it
     bool anchored = false;    ///< scratch: something that is no body may have pushed it
     bool driven = false;      ///< scratch: something that moves by a track may touch its bodies
+    bool settling = false;    ///< scratch: impulses still change speeds of its bodies
+    double speed_change = 0;  ///< scratch: by how much, in one sweep [m/s]
     bool slow = false;        ///< a kept matrix has led it hardly nearer to the solution (kept_matrix.h)
     bool coupling = false;    ///< scratch: its coupled direction is being found
     bool linear = false;      ///< some lane has linear tissue

@@ -74,6 +74,28 @@ void push(Work& w, const Blow& at, const Vec3<double>& impulse) {
     }
 }
 
+/// Sweeps over pairs of objects, of each island until its speeds change no more: what is far away makes no difference.
+/// sweep(pair) returns by how much speeds changed [m/s].
+template <class Sweep>
+void settle(Work& w, Sweep sweep) {
+    for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].speed_change = HUGE_VAL;
+    for (int k = 0; k < most_sweeps; ++k) {
+        bool any = false;
+        for (int i = 0; i < w.s.island_count; ++i) {
+            Island& island = w.s.islands[i];
+            island.settling = island.speed_change > settled;
+            island.speed_change = 0;
+            any |= island.settling;
+        }
+        if (!any) return;
+        for (BodyPair& p : w.s.pairs) {
+            if (p.a < 0) continue;
+            Island& island = island_of_pair(w, p);
+            if (island.settling) island.speed_change = std::max(island.speed_change, sweep(p));
+        }
+    }
+}
+
 // --- What undoes overlaps ---
 
 /// Whether the motion of a contact out of an overlap is to be braked: of one that pushes, and where the solve has ended
@@ -194,14 +216,13 @@ bool is_recovering(const BodyPair& p) {
 
 void brake_recovery(BodyWork& w) {
     if (!w.solver.inertia) return;
-    auto for_each_recovering = [&](auto visit) {
-        for (BodyPair& p : w.s.pairs)
-            if (p.a >= 0 && island_of_pair(w, p).recovers)
-                for (FeatureContact& c : p.contacts)
-                    if (is_braked(w, p, c)) {
-                        const Blow at = blow_at(w, p, c);
-                        visit(p, c, at, dot(parting(w, at, When::now), at.normal));
-                    }
+    auto for_each_recovering = [&](BodyPair& p, auto visit) {
+        if (!island_of_pair(w, p).recovers) return;
+        for (FeatureContact& c : p.contacts)
+            if (is_braked(w, p, c)) {
+                const Blow at = blow_at(w, p, c);
+                visit(c, at, dot(parting(w, at, When::now), at.normal));
+            }
     };
     bool any = false;
     for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].recovers = false;
@@ -210,24 +231,27 @@ void brake_recovery(BodyWork& w) {
             for (const FeatureContact& c : p.contacts)
                 if (c.undone > 0 && is_braked(w, p, c)) island_of_pair(w, p).recovers = any = true;
     if (!any) return;
-    for_each_recovering([&](BodyPair& p, FeatureContact& c, const Blow&, double speed) {
-        c.brake = 0;
-        c.parting = std::max(0.0, speed - c.undone / w.solver.dt);
-        // Where a solve ends early, overlaps that contradict each other have thrown what was to be taken out of them.
-        if (c.undone > 0 && !island_of_pair(w, p).progress.converged)
-            c.parting = std::min(c.parting, std::max(0.0, -c.approach));
-    });
-    double change = 1;
-    for (int sweep = 0; sweep < most_sweeps && change > settled; ++sweep) {
-        change = 0;
-        for_each_recovering([&](BodyPair&, FeatureContact& c, const Blow& at, double speed) {
+    for (BodyPair& p : w.s.pairs)
+        if (p.a >= 0)
+            for_each_recovering(p, [&](FeatureContact& c, const Blow&, double speed) {
+                c.brake = 0;
+                c.parting = std::max(0.0, speed - c.undone / w.solver.dt);
+                // Where a solve ends early, overlaps that contradict each other have thrown what was to be taken out of
+                // them.
+                if (c.undone > 0 && !island_of_pair(w, p).progress.converged)
+                    c.parting = std::min(c.parting, std::max(0.0, -c.approach));
+            });
+    settle(w, [&](BodyPair& p) {
+        double change = 0;
+        for_each_recovering(p, [&](FeatureContact& c, const Blow& at, double speed) {
             const double give = give_along(w, at, at.normal);
             const double brake = std::min(0.0, c.brake + (c.parting - speed) / give);
             change = std::max(change, std::abs(brake - c.brake) * give);
             push(w, at, (brake - c.brake) * at.normal);
             c.brake = brake;
         });
-    }
+        return change;
+    });
 }
 
 void bounce(BodyWork& w) {
@@ -236,14 +260,13 @@ void bounce(BodyWork& w) {
         BodyProgress& b = w.s.bodies[row];
         b.velocity_unbounced = w.bodies[row].velocity, b.momentum_unbounced = w.bodies[row].angular_momentum;
     }
-    double change = 1;
-    for (int sweep = 0; sweep < most_sweeps && change > settled; ++sweep) {
-        change = 0;
-        for (BodyPair& p : w.s.pairs)
-            if (restitution_of(w, p) > 0)
-                for (FeatureContact& c : p.contacts)
-                    if (c.parting > 0) change = std::max(change, bounce_once(w, p, c));
-    }
+    settle(w, [&](BodyPair& p) {
+        double change = 0;
+        if (restitution_of(w, p) > 0)
+            for (FeatureContact& c : p.contacts)
+                if (c.parting > 0) change = std::max(change, bounce_once(w, p, c));
+        return change;
+    });
     mark_driven(w);
     for (int i = 0; i < w.s.island_count; ++i)
         if (!w.s.islands[i].driven) keep_energy(w, w.s.islands[i]);

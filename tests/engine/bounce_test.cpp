@@ -54,6 +54,32 @@ TEST(Bounce, RubsByCoulombsLawWhereverInAStepItMeets) {
                 }
 }
 
+/// Impulses are swept over until speeds change no more: each island's own speeds. A can that lands flat needs other
+/// sweeps than a box that lands beside it.
+TEST(Bounce, WhatBouncesElsewhereChangesNothing) {
+    const auto can = [](const Shape& shape, double x, double friction) {
+        ObjectSpec o = flying(0.05, {x, 0, 0.0205}, {0.1, 0, -1}, 0.4, friction);
+        o.shape = shape;
+        return o;
+    };
+    SceneSpec spec = afloat(5e-3);
+    spec.objects = {{"floor", {ShapeKind::plane}, {{0, 0, 0}, upright}, 0.3},
+                    can({ShapeKind::cylinder, {0.01, 0.04, 0}}, 0, 0.3)};
+    Lab alone(spec);
+    spec.objects.push_back(can({ShapeKind::box, {0.04, 0.03, 0.04}}, 0.7, 0.1));
+    Lab beside(spec);
+    double fastest = 0;
+    for (int k = 0; k < 40; ++k) {
+        alone.run(5e-3), beside.run(5e-3);
+        const RigidBody &a = alone.world.bodies[0], &b = beside.world.bodies[0];
+        EXPECT_EQ(a.velocity.x, b.velocity.x) << k;
+        EXPECT_EQ(a.velocity.z, b.velocity.z) << k;
+        EXPECT_EQ(a.angular_momentum.y, b.angular_momentum.y) << k;
+        fastest = std::max(fastest, a.velocity.z);
+    }
+    EXPECT_GT(fastest, 0.1) << "it has not bounced";
+}
+
 /// Of two balls alike and smooth, what is along the line of their middles is exchanged, by a share of (1 + e) / 2.
 TEST(Bounce, BallsThatMeetObliquelyGainNothing) {
     for (double dt : {1e-3, 5e-3, 10e-3})

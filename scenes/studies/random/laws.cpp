@@ -205,10 +205,12 @@ std::optional<Vec3<double>> place_beside(const Scene& scene) {
     const Vec3<double> all[] = {{far, 0, 0}, {0, 0, far}, {0, far, 0}, {-far, 0, 0}, {0, -far, 0}, {0, 0, -far}};
     const auto is_above = [&](const Vec3<double>& by) {
         return std::none_of(scene.spec.objects.begin(), scene.spec.objects.end(), [&](const ObjectSpec& o) {
-            return o.shape.kind == ShapeKind::plane && dot(rotation_matrix(o.pose.rotation) * Vec3<double>{0, 0, 1}, by) < -1e-9;
+            return o.shape.kind == ShapeKind::plane &&
+                   dot(rotation_matrix(o.pose.rotation) * Vec3<double>{0, 0, 1}, by) < -1e-9;
         });
     };
-    const std::size_t first = scene.spec.objects.size() % 2;  // beside it, or above it, where it touches nothing
+    // Beside it, or above it, where fingers touch no plane, and whence nothing may fall.
+    const std::size_t first = has_bodies(scene) ? 0 : scene.spec.objects.size() % 2;
     for (std::size_t k = 0; k < std::size(all); ++k)
         if (const Vec3<double>& by = all[(first + k) % std::size(all)]; is_above(by)) return by;
     return std::nullopt;
@@ -237,20 +239,23 @@ Scene doubled(const Scene& scene, const Vec3<double>& by) {
     return two;
 }
 
-/// What a scene does far away from itself changes no bit of it.
+/// What a scene does far away from itself changes no bit of it; but where several fingers hold a body, or press on
+/// tissue: sums over them come in the order of their lanes.
 void compare_beside(const Scene& scene, const Trace& alone, Comparisons& found) {
-    // Sums over the fingers on a body come in the order of their lanes.
-    if ((has_bodies(scene) && scene.spec.fingers.size() > 1) || alone.fingers_near) return;
+    constexpr const char* law = "what is far away changes nothing";
+    const bool sums = (has_bodies(scene) || has_tissue(scene)) && scene.spec.fingers.size() > 1;
+    if (alone.fingers_near || (sums && !is_one_solution(scene))) return;
     if (!scene.hand.empty() || !scene.spec.thimbles.empty() || !scene.spec.finger_frictions.empty()) return;
     const auto by = place_beside(scene);
     if (!by) return;
-    const Trace both = found.run(doubled(scene, *by));
+    const Scene two = doubled(scene, *by);
+    const Trace both = found.run(two);
+    if (sums) return compare_forces(law, {scene, alone}, {two, both}, found);
     for (std::size_t k = 0; k < alone.force.size(); ++k)
         for (std::size_t i = 0; i < alone.force[k].size(); ++i)
             if (const double a = alone.force[k][i], b = both.force[k][i]; a != b && std::isfinite(a))
-                return found.add("what is far away changes nothing",
-                                 law_text("step %zu: %.9g N of %s are %.9g N beside another", k + 1, a,
-                                          scene.spec.fingers[i].name.c_str(), b));
+                return found.add(law, law_text("step %zu: %.17g N of %s are %.17g N beside another", k + 1, a,
+                                               scene.spec.fingers[i].name.c_str(), b));
 }
 
 /// What goes in, recorded, read and put in again, gives the same bits.
