@@ -4,6 +4,7 @@
 
 #include "engine/skin/chunks/fields.h"
 #include "engine/skin/chunks/level_of_detail.h"
+#include "scenes/run/hardware.h"
 
 namespace palpate {
 
@@ -203,10 +204,7 @@ void carry_thimbles(Simulation& from, Simulation& to, const Rows& rows) {
         if (now < 0 || before < 0) continue;
         const Matching& a = u.matchings[std::size_t(before)];
         Matching& b = v.matchings[std::size_t(now)];
-        if (a.model.kind != b.model.kind || a.model.joint_min != b.model.joint_min ||
-            a.model.joint_max != b.model.joint_max || a.model.geometry != b.model.geometry ||
-            a.force_mode != b.force_mode)
-            continue;
+        if (!same_device(a.model, b.model) || a.force_mode != b.force_mode) continue;
         b.result = a.result, b.geometric = a.geometric, b.next = a.next, b.solves = a.solves;
         b.q = a.q, b.torque = a.torque, b.force_N = a.force_N;
         DeviceLink& link = v.device_links[std::size_t(now)];

@@ -63,9 +63,7 @@ bool alike(const Simulation& a, const Simulation& b) {
     }
     return std::equal(u.matchings.begin(), u.matchings.end(), v.matchings.begin(), v.matchings.end(),
                       [](const Matching& x, const Matching& y) {
-                          return x.finger == y.finger && x.model.kind->name == y.model.kind->name &&
-                                 x.model.joint_min == y.model.joint_min && x.model.joint_max == y.model.joint_max &&
-                                 x.model.geometry == y.model.geometry && x.force_mode == y.force_mode;
+                          return x.finger == y.finger && same_device(x.model, y.model) && x.force_mode == y.force_mode;
                       });
 }
 

@@ -162,13 +162,18 @@ void disarm(Simulation& s) {
     }
 }
 
+bool same_device(const DeviceModel& a, const DeviceModel& b) {
+    // Of chains, scenes say how many joints there are.
+    const auto same = [](const Coordinates& x, const Coordinates& y) { return x.size() == y.size() && x == y; };
+    return a.kind->name == b.kind->name && same(a.joint_min, b.joint_min) && same(a.joint_max, b.joint_max) &&
+           a.geometry == b.geometry;
+}
+
 bool same_thimbles(const Simulation& a, const Simulation& b) {
     return a.scene.drivers == b.scene.drivers && a.scene.loop == b.scene.loop && a.scene.servo == b.scene.servo &&
            std::equal(a.loops.begin(), a.loops.end(), b.loops.begin(), b.loops.end(), [](const auto& x, const auto& y) {
-               const DeviceModel &u = x->model, &v = y->model;
-               return u.kind->name == v.kind->name && u.joint_min == v.joint_min && u.joint_max == v.joint_max &&
-                      u.geometry == v.geometry && u.max_force == v.max_force && x->rest_q == y->rest_q &&
-                      x->torque.size() == y->torque.size();
+               return same_device(x->model, y->model) && x->model.max_force == y->model.max_force &&
+                      x->rest_q == y->rest_q && x->torque.size() == y->torque.size();
            });
 }
 

@@ -51,6 +51,8 @@ const ThimbleReport& newest_report(Hardware& hardware, int thimble);
 /// Sleeps until the next step is due.
 void wait_for_real_time(RealTimePace& pace, double dt);
 
+/// Whether two devices have the same joints, limits and lengths.
+bool same_device(const DeviceModel& a, const DeviceModel& b);
 /// Whether two scenes' thimbles are driven alike: by the same controllers, within the same limits.
 bool same_thimbles(const Simulation& a, const Simulation& b);
 

@@ -344,7 +344,7 @@ struct Client {
                     c.times.push_back(time);
                     if (size >= 44) {
                         float force;  // of the first finger
-                        std::memcpy(&force, data + 40, 4);
+                        std::memcpy(&force, data + 44, 4);
                         c.forces.push_back(force);
                     }
                 } else if ((kind & 0xf) == MG_WEBSOCKET_OPCODE_TEXT) {
