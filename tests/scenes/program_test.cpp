@@ -216,8 +216,9 @@ TEST(Program, ATrayFullOfCubesStaysOnItsTable) {
 
 TEST(Program, SaysWhatSlipsAndWhatIsDropped) {
     ScratchFolder scratch;
-    const Outcome o = palpate_program("run " + scenes + "egg.toml --no-picture --duration 1.2 --set object.egg.friction=0.32 --out " +
-                                      (scratch.path / "out").string());
+    const Outcome o =
+        palpate_program("run " + scenes + "egg.toml --no-picture --duration 1.2 --set object.egg.friction=0.32 --out " +
+                        (scratch.path / "out").string());
     EXPECT_EQ(o.code, 0);
     EXPECT_NE(o.out.find("egg slipped through the fingers"), std::string::npos) << o.out;
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "out" / "object_egg.csv"));
