@@ -95,6 +95,19 @@ std::vector<std::string> all_overrides(const RunArguments& a, const std::atomic<
     return overrides;
 }
 
+/// The scene, loaded and built; says what is to be said of it.
+Simulation simulation_of(const RunArguments& a, const std::vector<std::string>& overrides) {
+    const EndsAtOnce loading;
+    Scene scene = load_scene(a.scene, overrides);
+    if (a.pads_per_second > 0) refuse_colliding_pads(scene);
+    tell_of_scene(a, scene);
+    const std::size_t told = scene.warnings.size();
+    Simulation simulation = make_simulation(std::move(scene), a.threads);
+    for (std::size_t k = told; k < simulation.scene.warnings.size(); ++k)
+        std::fprintf(stderr, "warning: %s\n", simulation.scene.warnings[k].c_str());
+    return simulation;
+}
+
 void refuse_film_in_real_time(const RunArguments& a, const std::string& tracker) {
     if (a.video.empty() || (!a.arm && tracker.empty())) return;
     throw InputError("--video " + a.video +
@@ -124,17 +137,9 @@ int run_scene(RunArguments a, const std::atomic<bool>& stop) {
     refuse_to_hold_unarmed(a.hold, a.arm);
     if (a.stream.target == "-") a.quiet = true, a.json = false;  // standard output is the stream's
     const std::vector<std::string> overrides = all_overrides(a, stop);
-    std::optional<EndsAtOnce> loading(std::in_place);
-    Scene scene = load_scene(a.scene, overrides);
-    if (a.pads_per_second > 0) refuse_colliding_pads(scene);
-    tell_of_scene(a, scene);
+    Simulation simulation = simulation_of(a, overrides);
     const std::filesystem::path folder =
-        a.out.empty() ? std::filesystem::path("results") / scene.file.stem() : std::filesystem::path(a.out);
-    const std::size_t told = scene.warnings.size();
-    Simulation simulation = make_simulation(std::move(scene), a.threads);
-    for (std::size_t k = told; k < simulation.scene.warnings.size(); ++k)
-        std::fprintf(stderr, "warning: %s\n", simulation.scene.warnings[k].c_str());
-    loading.reset();
+        a.out.empty() ? std::filesystem::path("results") / simulation.scene.file.stem() : std::filesystem::path(a.out);
     follow_tracker(a, simulation);
     ReportRecorder report;
     PressureScales scales;
