@@ -59,7 +59,7 @@ TEST(MatchedSkin, ThePlatformIsParallelToWhatAPresetLiesFlatOn) {
         double worst = 0;
         ++number;
         for (const std::string& name : finger_preset_names()) {
-            if (!testing::is_tried(number++, 4)) continue;
+            if (!testing::is_tried(number++, 6)) continue;
             Simulation s = pressed(preset(name), "kind = \"plane\"", roll);
             double turned = 0;
             const int matches = at_matches(s, [&](double) { turned = std::max(turned, turned_from_level(s.world)); });

@@ -202,6 +202,7 @@ TEST(MeshObject, ABoxOfTrianglesSlidesLikeABox) {
 /// and is at rest there: steps converge.
 TEST(MeshObject, ACylinderStandsOnTriangles) {
     const Shape can{ShapeKind::cylinder, {0.01, 0.01, 0}};
+    int number = 0;
     for (double slope : {0.0, 0.3})
         for (double half : {0.004, 0.02})
             for (double smoothing : {-1.0, 0.0}) {
@@ -214,6 +215,7 @@ TEST(MeshObject, ACylinderStandsOnTriangles) {
                 }
                 const auto mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(s, smoothing));
                 for (double dt : {1e-3, 5e-3, 20e-3}) {
+                    if (!testing::is_tried(number++, 5)) continue;
                     SceneSpec spec;
                     spec.solver.dt = dt;
                     ObjectSpec below{"plate", {ShapeKind::mesh, {0, 0, 0}, mesh.get()}, Pose<double>::identity(), 0.5};

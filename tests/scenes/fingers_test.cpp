@@ -468,7 +468,7 @@ TEST(FingerCommands, WhatIndentWritesCalibrateReadsAndASceneUses) {
     testing::ScratchFolder scratch;
     const std::string at = scratch.path.string();
     const auto indented =
-        palpate_program("indent index --angle 10,30 --steps 20 --force-N 3 --json --out " + at + " --elements 200");
+        palpate_program("indent index --angle 10,30 --steps 10 --force-N 2 --json --out " + at + " --elements 200");
     ASSERT_EQ(indented.code, 0) << indented.out;
     EXPECT_NEAR(nlohmann::json::parse(indented.out)[1]["angle_deg"], 30.0, 1e-12);
     EXPECT_TRUE(std::filesystem::exists(scratch.path / "indent.svg"));

@@ -70,7 +70,7 @@ TEST(Interruption, WhatIsLeftSaysSo) {
     const std::string here = scratch.path.string() + "/";
     std::ofstream csv(here + "data.csv");
     csv << "force_N,displacement_mm\n";
-    for (int k = 1; k <= 12; ++k) csv << 0.1 * k * k / 4 << "," << 0.2 * k << "\n";
+    for (int k = 1; k <= 5; ++k) csv << 0.025 * k * k << "," << 0.2 * k << "\n";
     csv.close();
     const Outcome fit =
         interrupted("INT", 2.5,

@@ -54,7 +54,7 @@ TEST(Seams, FingersSlideOverThem) {
         const Drawn whole = draw(one_box, finger, "1");
         EXPECT_GT(whole.up, 0.5);
         for (const char* gap : {"0", "0.2", "1"}) {
-            if (!testing::is_tried(number++, 2)) continue;
+            if (!testing::is_tried(number++, 3)) continue;
             const Drawn parts = draw(two_boxes(gap), finger, "1");
             EXPECT_LT(parts.along, 0.01 * whole.up) << finger << ", gap " << gap;
             EXPECT_NEAR(parts.up, whole.up, 0.01 * whole.up) << finger << ", gap " << gap;
@@ -178,13 +178,15 @@ TEST(Seams, AMeshOnATableIsNotPassedBelow) {
         return "kind = \"mesh\"\nfile = \"" + file + "\"\n";
     };
     const std::string reference = "preset = \"reference\"", limits = "[limits]\nlow = 0.6\nhigh = 1.4\n";
-    const Climb box =
-                    climb("kind = \"box\"\nsize_mm = [60, 200, 30]\nposition_mm = [35, 0, 15]", reference, "1", limits),
-                high = climb(block("30") + "position_mm = [35, 0, 0]", reference, "1", limits);
-    EXPECT_GT(high.converged, 0.99 * high.steps);
-    EXPECT_EQ(high.inside, 0);
-    EXPECT_NEAR(high.along, box.along, 1e-2 * std::abs(box.along));
-    EXPECT_NEAR(high.up, box.up, 1e-2 * std::abs(box.up));
+    if (testing::is_tried(1, 2)) {
+        const Climb box = climb("kind = \"box\"\nsize_mm = [60, 200, 30]\nposition_mm = [35, 0, 15]", reference, "1",
+                                limits),
+                    high = climb(block("30") + "position_mm = [35, 0, 0]", reference, "1", limits);
+        EXPECT_GT(high.converged, 0.99 * high.steps);
+        EXPECT_EQ(high.inside, 0);
+        EXPECT_NEAR(high.along, box.along, 1e-2 * std::abs(box.along));
+        EXPECT_NEAR(high.up, box.up, 1e-2 * std::abs(box.up));
+    }
     const Climb low =
         climb(block("3") + "position_mm = [35, 0, 0]\nrotation_deg = [0, 0, 180]", reference, "1", limits);
     EXPECT_GT(low.converged, 0.95 * low.steps);

@@ -230,7 +230,7 @@ TEST(TrueReadings, WhatPressesFromBesideThePadIsNotRenderedAndIsSaid) {
     options.methods = {MatchingMethod::constrained, MatchingMethod::force};
     for (const char* scene : {"hold_mug.toml", "hand.toml"}) {
         if (scene == std::string("hand.toml") && !testing::is_tried(1, 2)) continue;
-        const std::string duration = scene == std::string("hand.toml") ? "duration_s=2" : "duration_s=0.8";
+        const std::string duration = scene == std::string("hand.toml") ? "duration_s=2" : "duration_s=0.6";
         Simulation s = make_simulation(load_scene(scenes + scene, {duration}), 2);
         const auto fingers = compare(s, options, stop, {});
         for (std::size_t i = 0; i < fingers.size(); ++i) {
