@@ -421,7 +421,8 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
         const ContactTerms<double> normal = normal_terms(surface, pair.penalty, c.normal_multiplier);
         const bool met = dot(c.face, c.face) > 0;
         const Vec3<double> point_of_b = met ? transform(b.pose, c.met) : point;
-        c.terms[0] = {normal.gradient, normal.curvature, point - a.centre, point_of_b - b.centre};
+        c.terms[0] = {normal.gradient, normal.curvature, point - a.centre, point_of_b - b.centre,
+                      !(normal.normal_force == 0)};
         c.terms[1] = {};
         c.normal_candidate = normal.normal_force;
         c.normal_now = (1 / std::max(norm(surface.normal), 1e-6)) * transposed_times(R, surface.normal);
@@ -432,13 +433,18 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
             out.pending += pending_of(normal.normal_force - c.normal_multiplier);
         }
         if (pair.friction <= 0) continue;
+        const bool rubs = !(c.friction_radius == 0);
+        if (!rubs && normal.normal_force == 0 && dot(c.tangential_multiplier, c.tangential_multiplier) == 0) {
+            c.tangential_candidate = {0, 0, 0};
+            continue;
+        }
         const Vec3<double> touched = transform(a.pose, c.point_of_a);
         const Vec3<double> slip = R * (inverse_transform(b.pose, touched) - c.point_of_b);
         const ContactState<double> state{c.normal_multiplier, R * c.tangential_multiplier, c.friction_radius,
                                          R * c.friction_normal};
         ContactTerms<double> friction{0, {0, 0, 0}, Mat3<double>::zero(), 0, {0, 0, 0}};
         add_friction(slip, pair.penalty, state, exactness, friction);
-        c.terms[1] = {friction.gradient, friction.curvature, touched - a.centre, touched - b.centre};
+        c.terms[1] = {friction.gradient, friction.curvature, touched - a.centre, touched - b.centre, rubs};
         c.tangential_candidate = transposed_times(R, friction.tangential);
         out.energy += friction.energy;
         const Vec3<double> dt = friction.tangential - state.tangential_multiplier;

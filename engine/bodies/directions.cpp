@@ -37,13 +37,15 @@ void solve_island(Work& w, Island& island) {
     for (BodyPair& p : s.pairs) {
         if (p.a < 0 || &island_of_pair(w, p) != &island) continue;
         for (const FeatureContact& c : p.contacts)
-            for (const PairTerm& t : c.terms)
+            for (const PairTerm& t : c.terms) {
+                if (!t.acts) continue;
                 for_each_end(w, p, t, [&](BodyProgress& i, const auto& G) {
                     const Eigen::Matrix<double, 6, 3> GK = G.transpose() * eigen(t.curvature);
                     for_each_end(w, p, t, [&](BodyProgress& j, const auto& H) {
                         A.template block<6, 6>(i.row, j.row) += GK * H;
                     });
                 });
+            }
     }
     for_each_lane(w, [&](auto& c, int lane, Island& of_lane) {
         if (&of_lane != &island) return;
@@ -235,6 +237,7 @@ void pairs_residual(Work& w) {
         auto add = [&](double sign, bool linear) {
             for (FeatureContact& c : p.contacts)
                 for (const PairTerm& t : c.terms) {
+                    if (!t.acts) continue;
                     Eigen::Vector3d force = eigen(t.gradient);
                     if (linear)
                         for_each_end(w, p, t, [&](BodyProgress& b, const auto& G) {

@@ -104,9 +104,10 @@ void evaluate_bodies(Work& w) {
         i.evaluation.penetration = std::max(i.evaluation.penetration, e.penetration);
         for (const FeatureContact& c : p.contacts)
             for (const PairTerm& t : c.terms)
-                for_each_end(w, p, t, [&](BodyProgress& body, const auto& G) {
-                    body.gradient += G.transpose() * eigen(t.gradient);
-                });
+                if (t.acts)
+                    for_each_end(w, p, t, [&](BodyProgress& body, const auto& G) {
+                        body.gradient += G.transpose() * eigen(t.gradient);
+                    });
     }
 }
 
