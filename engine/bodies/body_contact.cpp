@@ -418,12 +418,15 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
         auto [point, surface] = touch_of(features[i], a.pose, c, *b.shape, b.pose, c.side);
         c.distance = surface.distance;
         surface.distance -= c.offset;
-        const ContactTerms<double> normal = normal_terms(surface, pair.penalty, c.normal_multiplier);
         const bool met = dot(c.face, c.face) > 0;
         const Vec3<double> point_of_b = met ? transform(b.pose, c.met) : point;
-        c.terms[0] = {normal.gradient, normal.curvature, point - a.centre, point_of_b - b.centre,
-                      !(normal.normal_force == 0)};
-        c.terms[1] = {};
+        PairTerm &push = c.terms[0], &rub = c.terms[1];
+        push.arm_of_a = point - a.centre, push.arm_of_b = point_of_b - b.centre;
+        ContactTerms<double> normal{0, {0, 0, 0}, Mat3<double>::zero(), 0, {0, 0, 0}};
+        if (!(c.normal_multiplier <= 0 && surface.distance >= 0))
+            normal = normal_terms(surface, pair.penalty, c.normal_multiplier);
+        push.acts = !(normal.normal_force == 0), rub.acts = false;
+        if (push.acts) push.gradient = normal.gradient, push.curvature = normal.curvature;
         c.normal_candidate = normal.normal_force;
         c.normal_now = (1 / std::max(norm(surface.normal), 1e-6)) * transposed_times(R, surface.normal);
         out.energy += normal.energy;
@@ -444,7 +447,7 @@ PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& feature
                                          R * c.friction_normal};
         ContactTerms<double> friction{0, {0, 0, 0}, Mat3<double>::zero(), 0, {0, 0, 0}};
         add_friction(slip, pair.penalty, state, exactness, friction);
-        c.terms[1] = {friction.gradient, friction.curvature, touched - a.centre, touched - b.centre, rubs};
+        rub = {friction.gradient, friction.curvature, touched - a.centre, touched - b.centre, rubs};
         c.tangential_candidate = transposed_times(R, friction.tangential);
         out.energy += friction.energy;
         const Vec3<double> dt = friction.tangential - state.tangential_multiplier;

@@ -41,7 +41,7 @@ struct PairTerm {
     Vec3<double> gradient{0, 0, 0};  ///< along the way of a's point relative to b [N]
     Mat3<double> curvature = Mat3<double>::zero();
     Vec3<double> arm_of_a{0, 0, 0}, arm_of_b{0, 0, 0};  ///< from the centres to the point [m]
-    bool acts = false;                                  ///< else gradient and curvature are zero
+    bool acts = false;                                  ///< else gradient and curvature count as zero
 };
 
 /// A feature of object a against object b.

@@ -116,7 +116,7 @@ void add_support_of_objects(BodyWork& w) {
                     if (double& undone = w.s.bodies[std::size_t(o->body)].undone; undone < contact.undone)
                         undone = contact.undone;
             for (const PairTerm& term : contact.terms) {
-                if (dot(term.gradient, term.gradient) <= 0) continue;
+                if (!term.acts || dot(term.gradient, term.gradient) <= 0) continue;
                 const Vec3<double> of_a = displacement_of(a, a.centre + term.arm_of_a),
                                    of_b = displacement_of(b, b.centre + term.arm_of_b);
                 auto give = [&](const ContactBody& to, const Vec3<double>& force, bool met,
