@@ -38,7 +38,8 @@ struct StuckSlip {
 template <class T>
 StuckSlip stuck_slip(const SkinChunk<T>& c, int lane, int slot, const FingerState& before, const FingerState& now,
                      double pending) {
-    constexpr double spare = 0.9, plane_error = 2e-3;  // of the friction available [rad]
+    constexpr double spare = 0.9;         // of the friction available
+    constexpr double plane_error = 2e-3;  // [rad]
     const LaneContact& o = c.contacts.at(slot, lane);
     const SkinTopology& t = *c.topology;
     const auto W = std::size_t(c.width), l = std::size_t(lane);
