@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/contact/shape.h"
 #include "engine/math/svd3.h"
+#include "scenes/picture/finger_bend.h"
 #include "scenes/picture/rest_hand.h"
 
 namespace palpate {
@@ -15,63 +15,6 @@ using Eigen::Affine3d;
 using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-/// Axes of a bone: x along it, z as near to `dorsal` as that leaves.
-Matrix3d axes(const Vector3d& along, const Vector3d& dorsal) {
-    const Vector3d x = along.normalized();
-    Vector3d z = dorsal - dorsal.dot(x) * x;
-    if (z.norm() < 1e-6) z = x.unitOrthogonal();
-    z.normalize();
-    Matrix3d R;
-    R << x, z.cross(x), z;
-    return R;
-}
-Vector3d rest_dorsal(int finger) { return finger == 0 ? Vector3d(-0.25, 0.55, 0.8).normalized() : Vector3d::UnitZ(); }
-
-/// Rest hand -> world of a bone that lies from `begin` to `end` now.
-Affine3d carried(int finger, int segment, const Vector3d& begin, const Vector3d& end, const Vector3d& dorsal,
-                 bool left) {
-    const Vector3d a = rest_joint(finger, segment), b = rest_joint(finger, segment + 1);
-    const Matrix3d from = axes(b - a, rest_dorsal(finger)), to = axes(end - begin, dorsal);
-    const double stretch = (end - begin).norm() / (b - a).norm();
-    const Vector3d scale(stretch, left ? -1 : 1, 1);
-    Affine3d T = Affine3d::Identity();
-    T.linear() = to * scale.asDiagonal() * from.transpose();
-    T.translation() = begin - T.linear() * a;
-    return T;
-}
-
-/// Where the last bone of a finger is.
-struct Last {
-    Vector3d joint, tip;
-    Matrix3d axes;  ///< x distal, z dorsal
-};
-
-/// Joints before the last, where they bend naturally: the middle joint by `bend`, the last by two thirds of that.
-struct Natural {
-    Vector3d middle, root, palm_along;
-};
-Natural natural(const Last& last, const RestFinger& f, double bend) {
-    const Vector3d x = last.axes.col(0), z = last.axes.col(2);
-    auto turned = [&](double angle) { return Vector3d(std::cos(angle) * x + std::sin(angle) * z); };
-    const Vector3d middle = last.joint - f.length[1] * turned(0.6 * bend);
-    return {middle, middle - f.length[0] * turned(1.6 * bend), turned(1.85 * bend + 5 * degree)};
-}
-
-/// The middle joint between two that are fixed, bent to the side where `hint` is; bones are stretched where they do
-/// not reach.
-Vector3d middle_joint(const Vector3d& root, const Vector3d& last, double first, double second, const Vector3d& hint) {
-    const Vector3d span = last - root;
-    const double distance = std::max(1e-4, span.norm());
-    const double stretch = std::clamp(distance / (0.985 * (first + second)), 1.0, 4.0);
-    first *= stretch, second *= stretch;
-    const Vector3d u = span / distance;
-    const double along =
-        std::clamp((first * first - second * second + distance * distance) / (2 * distance), -first, first);
-    Vector3d side = hint - root - (hint - root).dot(u) * u;
-    if (side.norm() < 1e-5) side = u.unitOrthogonal();
-    return root + along * u + std::sqrt(std::max(0.0, first * first - along * along)) * side.normalized();
-}
 
 /// Turn that brings directions and places of the palm nearest to where fingers want them.
 struct Fit {
@@ -99,78 +42,6 @@ struct Fit {
         return T;
     }
 };
-
-/// How far a finger bends by itself: one that points down more than one that lies flat, which is pressed from above.
-double usual_bend(const Last& last) {
-    return std::clamp(0.6 * std::asin(std::clamp(-last.axes(2, 0), -1.0, 1.0)) - 8 * degree, -15 * degree, 35 * degree);
-}
-
-/// Bends that are tried.
-constexpr int tries = 26;
-constexpr double least_bend = -15 * degree, bend_step = 5 * degree;
-using BendCosts = std::array<double, tries>;
-
-/// How deep a bone with its skin would lie in objects: sum of squares along it [m^2]. Objects that give way are as they
-/// were at rest.
-double depth_of(const World& world, const Vector3d& a, const Vector3d& b) {
-    constexpr double radius = 0.0085;  // of these bones with their skin [m]
-    constexpr int places = 5;
-    double cost = 0;
-    for (int i = 1; i <= places; ++i) {
-        const Vector3d x = a + double(i) / places * (b - a);
-        for (const VirtualObject& o : world.shapes) {
-            const double off = surface_point(o.shape, o.pose, Vec3<double>{x.x(), x.y(), x.z()}).distance;
-            if (off < radius) cost += (radius - off) * (radius - off);
-        }
-    }
-    return cost;
-}
-
-/// Of each bend, how deep the two bones before the last would lie.
-BendCosts depths(const World& world, const Last& last, const RestFinger& f) {
-    BendCosts cost{};
-    for (int k = 0; k < tries; ++k) {
-        const Natural n = natural(last, f, least_bend + k * bend_step);
-        cost[std::size_t(k)] = depth_of(world, last.joint, n.middle) + depth_of(world, n.middle, n.root);
-    }
-    return cost;
-}
-
-/// The middle joint as middle_joint() has it, where that lies in objects on the side of its finger's back and of bones
-/// as much longer as lets them go around.
-Vector3d middle_joint_outside(const World& world, const Vector3d& root, const Last& last, const RestFinger& f,
-                              const Vector3d& hint) {
-    Vector3d best = Vector3d::Zero();
-    double least = HUGE_VAL;
-    for (const Vector3d& side : {hint, Vector3d(0.5 * (root + last.joint) + 0.02 * last.axes.col(2))})
-        for (double longer = 1; longer < 1.6; longer += 0.06) {
-            const Vector3d middle = middle_joint(root, last.joint, longer * f.length[0], longer * f.length[1], side);
-            const double cost = depth_of(world, last.joint, middle) + depth_of(world, middle, root) +
-                                1e-4 * (longer - 1) * (longer - 1);
-            if (cost < least) least = cost, best = middle;
-        }
-    return best;
-}
-
-/// The bend with which a finger's root comes nearest to where the palm has it, and bones stay out of objects.
-double best_bend(const Last& last, const RestFinger& f, const Isometry3d& palm, const Vector3d& root,
-                 const BendCosts& depth) {
-    constexpr double least = least_bend, step = bend_step;
-    const double usual = usual_bend(last);
-    BendCosts cost{};
-    for (int k = 0; k < tries; ++k) {
-        const double bend = least + k * step;
-        const Natural n = natural(last, f, bend);
-        cost[std::size_t(k)] = (n.root - palm * root).squaredNorm() + 1e-4 * (bend - usual) * (bend - usual) +
-                               2 * depth[std::size_t(k)] + 2e-4 * (n.palm_along - palm.linear().col(0)).squaredNorm();
-    }
-    const auto best = std::size_t(std::min_element(cost.begin(), cost.end()) - cost.begin());
-    if (best == 0 || best == tries - 1) return least + double(best) * step;
-    const double before = cost[best - 1], after = cost[best + 1], curvature = before + after - 2 * cost[best];
-    return least + (double(best) + (curvature > 0 ? 0.5 * (before - after) / curvature : 0)) * step;
-}
-
-Vector3d mirrored(Vector3d x, bool left) { return left ? Vector3d(x.x(), -x.y(), x.z()) : x; }
 
 }  // namespace
 
@@ -229,7 +100,7 @@ HandPoser::HandPoser(const Simulation& s, const HandParts& parts) : parts_(parts
 
 const HandBones& HandPoser::pose(const Simulation& s) {
     const auto& rest = rest_fingers();
-    std::array<Last, 5> last;
+    std::array<LastBone, 5> last{};
     std::array<BendCosts, 5> depth{};
     for (std::size_t k = 0; k < 5; ++k) {
         if (parts_.finger[k] < 0) continue;
@@ -239,7 +110,7 @@ const HandBones& HandPoser::pose(const Simulation& s) {
         last[k].axes = q.normalized().toRotationMatrix();
         last[k].joint = at + cut_[k] * last[k].axes.col(0);
         last[k].tip = at;
-        depth[k] = depths(s.world, last[k], rest[k]);
+        depth[k] = depths_of_bends(s.world, last[k], rest[k]);
     }
     if (!posed_)
         for (std::size_t k = 0; k < 5; ++k)
@@ -249,7 +120,7 @@ const HandBones& HandPoser::pose(const Simulation& s) {
         Fit fit;
         for (int k = 0; k < 5; ++k) {
             if (parts_.finger[std::size_t(k)] < 0) continue;
-            const Natural n = natural(last[std::size_t(k)], rest[std::size_t(k)], bend_[std::size_t(k)]);
+            const NaturalJoints n = natural_joints(last[std::size_t(k)], rest[std::size_t(k)], bend_[std::size_t(k)]);
             fit.place(mirrored(rest[std::size_t(k)].root, parts_.left), n.root, k == 0 ? 0.3 : 1);
             if (k == 0) continue;
             fit.direction(Vector3d::UnitX(), n.palm_along, 1e-3);
@@ -268,42 +139,7 @@ const HandBones& HandPoser::pose(const Simulation& s) {
                               mirrored(rest[std::size_t(k)].root, parts_.left), depth[std::size_t(k)]);
     }
     posed_ = true;
-    double mean_bend = 0, count = 0;
-    for (std::size_t k = 1; k < 5; ++k)
-        if (parts_.finger[k] >= 0) mean_bend += bend_[k], count += 1;
-    mean_bend = count > 0 ? mean_bend / count : 35 * degree;
-    bones_[0] = palm_ * Eigen::Scaling(1.0, parts_.left ? -1.0 : 1.0, 1.0);
-    for (int k = 0; k < 5; ++k) {
-        const RestFinger& f = rest[std::size_t(k)];
-        const Vector3d root = palm_ * mirrored(f.root, parts_.left);
-        std::array<Vector3d, 4> joint{root, root, root, root};
-        std::array<Vector3d, 3> dorsal;
-        if (parts_.finger[std::size_t(k)] >= 0) {
-            const Last& l = last[std::size_t(k)];
-            const Vector3d z = l.axes.col(2);
-            joint[1] = middle_joint_outside(s.world, root, l, f,
-                                            natural(l, f, std::max(bend_[std::size_t(k)], 10 * degree)).middle);
-            joint[2] = l.joint;
-            joint[3] = l.joint + f.length[2] * l.axes.col(0);
-            dorsal = {z, z, z};
-            if (k > 0) dorsal[0] = 0.5 * z + 0.5 * palm_.linear().col(2);
-        } else {
-            // One that is not simulated stays a little straighter than its neighbours.
-            const Vector3d y = palm_.linear().col(1);
-            const double wants = k == 0 ? 12 * degree : std::max(0.0, mean_bend - 12 * degree);
-            const Vector3d along = palm_.linear() * mirrored(f.at_ease, parts_.left);
-            double turn = k == 0 ? 0 : mean_bend > 15 * degree ? 10 * degree : -14 * degree;
-            for (std::size_t b = 0; b < 3; ++b) {
-                turn += b == 0 ? 0 : b == 1 ? wants : 0.6 * wants;
-                const Eigen::AngleAxisd bent(turn, y);
-                joint[b + 1] = joint[b] + f.length[b] * (bent * along);
-                dorsal[b] = bent * (palm_.linear() * mirrored(rest_dorsal(k), parts_.left));
-            }
-        }
-        for (int b = 0; b < 3; ++b)
-            bones_[std::size_t(hand_bone(k, b))] =
-                carried(k, b, joint[std::size_t(b)], joint[std::size_t(b) + 1], dorsal[std::size_t(b)], parts_.left);
-    }
+    bones_ = bones_between(s.world, parts_, palm_, last, bend_);
     return bones_;
 }
 

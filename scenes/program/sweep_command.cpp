@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -14,9 +13,9 @@
 #include "scenes/program/commands.h"
 #include "scenes/program/interruption.h"
 #include "scenes/program/progress.h"
+#include "scenes/program/sweep_output.h"
 #include "scenes/program/version.h"
 #include "scenes/recording/file_stamp.h"
-#include "scenes/recording/svg.h"
 #include "scenes/run/budget.h"
 #include "scenes/run/wrapped.h"
 #include "scenes/studies/processes.h"
@@ -33,40 +32,6 @@ struct SweepArguments {
     int threads = 0;
     bool quiet = false, json = false;
 };
-
-const char* const columns =
-    "field_error,net_error,area_error,platform_mm,seconds_per_second,median_us,p99_us,solver_dt_ms,limit_violation,"
-    "penetration_um,converged,resets,failed";
-
-std::string row_of(const SweepPoint& p) {
-    std::ostringstream out;
-    out.precision(9);
-    for (const std::string& v : p.values) out << v << ",";
-    out << p.errors.field << "," << p.errors.net << "," << p.errors.area << "," << p.errors.platform_mm << ","
-        << p.seconds_per_second << "," << p.median_us << "," << p.p99_us << "," << p.dt_ms << "," << p.limit_violation
-        << "," << p.penetration_um << "," << p.converged << "," << p.resets << "," << int(p.failed);
-    return out.str();
-}
-
-/// Rows by their settings; one that was not finished is left out.
-void read_rows(const std::string& text, std::size_t axes, std::map<std::vector<std::string>, SweepPoint>& rows) {
-    std::istringstream in(text);
-    for (std::string line; std::getline(in, line);) {
-        if (line.empty() || line[0] == '#') continue;
-        std::vector<std::string> cells;
-        std::istringstream cut(line);
-        for (std::string cell; std::getline(cut, cell, ',');) cells.push_back(cell);
-        if (cells.size() != axes + 13) continue;
-        SweepPoint p;
-        p.values.assign(cells.begin(), cells.begin() + std::ptrdiff_t(axes));
-        auto number = [&](std::size_t i) { return std::strtod(cells[axes + i].c_str(), nullptr); };
-        p.errors = {number(0), number(1), number(2), number(3)};
-        p.seconds_per_second = number(4), p.median_us = number(5), p.p99_us = number(6), p.dt_ms = number(7);
-        p.limit_violation = number(8), p.penetration_um = number(9), p.converged = number(10);
-        p.resets = std::int64_t(number(11)), p.failed = number(12) != 0;
-        rows[p.values] = p;
-    }
-}
 
 /// What rows are of, as a comment: the scene with all files that it names, what is set, the program.
 std::string basis_of(const SweepArguments& a, const Scene& scene) {
@@ -106,133 +71,6 @@ std::map<std::vector<std::string>, SweepPoint> read_rows(const std::filesystem::
 }
 
 using References = std::map<SweepReference, ReferenceRun>;
-
-std::string short_key(const std::string& key) { return key.substr(key.rfind('.') + 1); }
-
-/// The axis whose values are curves: that of meshes, or the first one that the first point sets.
-std::size_t axis_of_curves(const SweepPlan& plan, const SweepPoint& first) {
-    std::size_t axis = plan.keys.size();
-    for (std::size_t i = plan.keys.size() - 1; i-- > 0;)
-        if (!first.values[i].empty()) axis = i;
-    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
-        if (!first.values[i].empty() && plan.keys[i].ends_with(".elements")) axis = i;
-    return axis;
-}
-
-/// Error over a time; points below three times the reference's own uncertainty apart.
-Plot work_precision(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& reference,
-                    bool of_a_step) {
-    Plot plot{of_a_step ? "A step's time" : "Work and precision",
-              of_a_step ? "p99 of a step [ms]" : "compute time per simulated second [s]",
-              "force-field error",
-              {},
-              {},
-              true};
-    if (reference.comparison == FieldComparison::grid) plot.title += ", meshes (fields on a grid of 3 mm)";
-    plot.log_x = true;
-    auto time = [&](const SweepPoint& p) { return of_a_step ? 1e-3 * p.p99_us : p.seconds_per_second; };
-    const double known = 3 * reference.uncertainty.field;
-    Curve below{"below 3 x uncertainty", {}, {}}, failed{"failed", {}, {}}, front{"Pareto front", {}, {}};
-    below.points = failed.points = true;
-    std::vector<SweepPoint> best;
-    const std::size_t axis = axis_of_curves(plan, points.front());
-    for (const SweepPoint& p : points) {
-        const std::string name =
-            p.values[axis].empty() ? "other settings, one by one" : short_key(plan.keys[axis]) + " = " + p.values[axis];
-        auto curve = std::find_if(plot.curves.begin(), plot.curves.end(), [&](auto& c) { return c.name == name; });
-        if (curve == plot.curves.end()) {
-            plot.curves.push_back({name, {}, {}, true});
-            curve = plot.curves.end() - 1;
-        }
-        Curve& into = p.failed ? failed : p.errors.field <= known ? below : *curve;
-        into.x.push_back(time(p)), into.y.push_back(p.failed ? 1 : p.errors.field);
-        if (!of_a_step && on_front(p, points)) best.push_back(p);
-    }
-    std::erase_if(plot.curves, [](const Curve& c) { return c.x.empty(); });
-    std::sort(best.begin(), best.end(), [](auto& x, auto& y) { return x.seconds_per_second < y.seconds_per_second; });
-    for (const SweepPoint& p : best) front.x.push_back(p.seconds_per_second), front.y.push_back(p.errors.field);
-    for (Curve* c : {&below, &failed, &front})
-        if (!c->x.empty()) plot.curves.push_back(std::move(*c));
-    if (of_a_step)
-        plot.markers = {{"1 ms", 1}, {"20 ms", 20}};
-    else
-        plot.markers = {{"real time", 1}};
-    return plot;
-}
-
-std::string settings_text(const SweepPlan& plan, const SweepPoint& p) {
-    std::string text;
-    for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i) {
-        if (p.values[i].empty()) continue;
-        text += (text.empty() ? "" : ", ") + short_key(plan.keys[i]) + " " + p.values[i];
-    }
-    return text;
-}
-
-void print_results(const std::vector<SweepPoint>& points, const SweepPlan& plan, const ReferenceRun& r) {
-    std::printf("\n%s", wrapped(written("%s: its own uncertainty is %.2g %% of the field, %.2g %% of the net force",
-                                        r.comparison == FieldComparison::grid
-                                            ? "reference with a finer mesh (fields on a grid of 3 mm)"
-                                            : "reference with a finer step",
-                                        100 * r.uncertainty.field, 100 * r.uncertainty.net))
-                            .c_str());
-    if (const std::string unsure = doubt(r); !unsure.empty()) std::printf("%s", wrapped(unsure, "  ").c_str());
-    std::printf("\nfastest setting below an error of the force field:\n");
-    for (double most : {0.10, 0.05, 0.01}) {
-        const SweepPoint* best = nullptr;
-        for (const SweepPoint& p : points)
-            if (!p.failed && p.errors.field <= most && (!best || p.seconds_per_second < best->seconds_per_second))
-                best = &p;
-        if (best)
-            std::printf("  %4.0f %%: %6.3f s per simulated second, step %.0f us median, %.0f us p99\n%s", 100 * most,
-                        best->seconds_per_second, best->median_us, best->p99_us,
-                        wrapped(settings_text(plan, *best), "         ").c_str());
-        else
-            std::printf("  %4.0f %%: no setting of this sweep\n", 100 * most);
-    }
-    std::printf("\nsettings on the Pareto front\n%9s %9s %9s %10s %10s %9s %9s\n", "field %", "net %", "area %",
-                "centre um", "s / s", "p99 us", "limits");
-    for (const SweepPoint& p : points)
-        if (on_front(p, points))
-            std::printf("%9.3f %9.3f %9.3f %10.2f %10.4f %9.0f %9.1e\n%s", 100 * p.errors.field, 100 * p.errors.net,
-                        100 * p.errors.area, 1e3 * p.errors.platform_mm, p.seconds_per_second, p.p99_us,
-                        p.limit_violation, wrapped(settings_text(plan, p), "    ").c_str());
-    int failed = 0;
-    for (const SweepPoint& p : points)
-        if (p.failed && failed++ < 20) std::printf("%s", wrapped("failed: " + settings_text(plan, p)).c_str());
-}
-
-nlohmann::json json_of(const SweepErrors& e) {
-    return {{"field", e.field}, {"net", e.net}, {"area", e.area}, {"platform_mm", e.platform_mm}};
-}
-
-/// All points held against one reference, with what they were set to; what is not finite is null.
-nlohmann::json json_of(const std::vector<SweepPoint>& points, const SweepPlan& plan, SweepReference kind,
-                       const ReferenceRun& r) {
-    nlohmann::json rows = nlohmann::json::array();
-    for (const SweepPoint& p : points) {
-        nlohmann::json settings = nlohmann::json::object();
-        for (std::size_t i = 0; i + 1 < plan.keys.size(); ++i)
-            if (!p.values[i].empty()) settings[plan.keys[i]] = p.values[i];
-        rows.push_back({{"settings", settings},
-                        {"errors", json_of(p.errors)},
-                        {"seconds_per_second", p.seconds_per_second},
-                        {"step_median_us", p.median_us},
-                        {"step_p99_us", p.p99_us},
-                        {"dt_ms", p.dt_ms},
-                        {"limit_violation", p.limit_violation},
-                        {"penetration_um", p.penetration_um},
-                        {"converged", p.converged},
-                        {"resets", p.resets},
-                        {"failed", p.failed},
-                        {"on_pareto_front", on_front(p, points)}});
-    }
-    return {{"reference", kind == SweepReference::mesh ? "mesh" : "step"},
-            {"fields_compared", r.comparison == FieldComparison::grid ? "on a grid of 3 mm" : "sample by sample"},
-            {"uncertainty", json_of(r.uncertainty)},
-            {"doubt", doubt(r)},
-            {"points", rows}};
-}
 
 std::vector<std::string> overrides_of(const SweepArguments& a, const SweepPlan& plan,
                                       const std::vector<std::string>& values) {
@@ -323,7 +161,7 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     if (error) throw InputError(folder.string() + ": cannot be created: " + error.message());
     std::string header;
     for (const std::string& key : plan.keys) header += key + ",";
-    header += columns;
+    header += sweep_columns;
     const auto file = folder / (processes.rank == 0 ? "sweep.csv" : "sweep-" + std::to_string(processes.rank) + ".csv");
     const std::string basis = basis_of(a, scene);
     auto done = read_rows(file, basis, header, plan.keys.size());
@@ -357,19 +195,17 @@ int sweep_scene(const SweepArguments& asked, const std::atomic<bool>& stop) {
     out.close();
     write_file(file, rows);
     std::vector<Plot> plots;
-    nlohmann::json all = nlohmann::json::array();
+    std::vector<SweptPoints> swept;
     for (const auto& [kind, of_kind] : points) {
         const ReferenceRun& reference = references.at(kind);
         plots.push_back(work_precision(of_kind, plan, reference, false));
         if (kind == SweepReference::step) plots.push_back(work_precision(of_kind, plan, reference, true));
-        if (a.json)
-            all.push_back(json_of(of_kind, plan, kind, reference));
-        else if (!a.quiet)
-            print_results(of_kind, plan, reference);
+        swept.push_back({kind, reference, of_kind});
+        if (!a.json && !a.quiet) print_results(of_kind, plan, reference);
     }
     write_svg(folder / "sweep.svg", plots);
     if (a.json)
-        std::printf("%s\n", all.dump(2).c_str());
+        std::printf("%s\n", json_text(swept, plan).c_str());
     else if (!a.quiet)
         std::printf("\nwritten to %s (sweep.csv, sweep.svg)\n", folder.string().c_str());
     return 0;
