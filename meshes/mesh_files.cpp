@@ -311,7 +311,8 @@ std::string read_file(const fs::path& path) {
     std::ifstream in(path, std::ios::binary);
     PlainText text;
     text << in.rdbuf();
-    if (!in) throw InputError(path.string() + ": cannot be read");
+    std::error_code none;
+    if (!in) throw InputError(path.string() + (fs::exists(path, none) ? ": cannot be read" : ": no such file"));
     return text.str();
 }
 

@@ -2,6 +2,8 @@
 
 #include <dlfcn.h>
 
+#include <algorithm>
+
 namespace palpate {
 
 std::vector<std::filesystem::path> scene_folders() {
@@ -12,7 +14,7 @@ std::vector<std::filesystem::path> scene_folders() {
     // DIR/lib/x86_64-linux-gnu/libpalpate.so.
     Dl_info info;
     const bool known = dladdr(reinterpret_cast<const void*>(&scene_folders), &info) && info.dli_fname;
-    const auto own = known ? std::filesystem::path(info.dli_fname).parent_path() : folder;
+    const auto own = known ? std::filesystem::weakly_canonical(info.dli_fname, error).parent_path() : folder;
     return {"",
             "scenes",
             folder.parent_path() / "share/palpate/scenes",
@@ -28,7 +30,9 @@ std::vector<std::filesystem::path> scene_candidates(const std::filesystem::path&
     if (name.empty() || name.has_parent_path() || name.has_extension()) return candidates;
     std::filesystem::path file = name;
     file += ".toml";
-    for (const auto& folder : scene_folders()) candidates.push_back(folder / file);
+    for (const auto& folder : scene_folders())
+        if (std::find(candidates.begin(), candidates.end(), folder / file) == candidates.end())
+            candidates.push_back(folder / file);
     return candidates;
 }
 

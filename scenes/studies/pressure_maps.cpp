@@ -63,7 +63,7 @@ void shares(const PressedMaps& p, double force, const MapPose& pose, const Senso
 
 PressureMap read_pressure_map(const std::filesystem::path& file, const SensorMat& mat) {
     std::ifstream in(file);
-    if (!in) throw InputError(file.string() + ": cannot be read");
+    if (!in) throw InputError(file.string() + ": no such file, or it cannot be read");
     skip_byte_order_mark(in);
     PressureMap out{file.stem().string(), {}, 0, false};
     std::string line;

@@ -75,8 +75,9 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> first = p.iterations <= R(0);
     d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | ((first | unbalanced_update) & !satisfied));
     // It evaluates again, with a matrix.
-    const MaskOf<R> rough =
-        (e.contact_force > e.force_floor) & (residual > R(T(fitted::spike_share)) * e.contact_force);
+    // Where an iteration has thrown what touched off each other, forces are held against what holds the bone.
+    const MaskOf<R> touches = e.contact_force > e.force_floor;
+    const MaskOf<R> rough = residual > R(T(fitted::spike_share)) * select(touches, e.contact_force, scale);
     const MaskOf<R> holds_body = e.residual_cap < R(std::numeric_limits<T>::max());
     const MaskOf<R> shaky = holds_body & (e.limited > R(0)) &
                             ((residual > R(T(fitted::steady_share)) * e.contact_force) |
