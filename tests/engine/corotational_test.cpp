@@ -106,9 +106,8 @@ struct TurnedBack {
     }
     Eigen::Matrix<double, 12, 12> stiffness(double mu, double lambda, double pressure, double exactness) const {
         Mat3<double> block[10];
-        detail::corotational_stiffness(s, r, T(mu), T(lambda), T(pressure), T(exactness), [&](int k, const Mat3<T>& K) {
-            for (int i = 0; i < 9; ++i) block[k].m[i / 3][i % 3] = K.m[i / 3][i % 3];
-        });
+        detail::corotational_stiffness(s, r, T(mu), T(lambda), T(pressure), T(exactness),
+                                       [&](int k, int i, int j, T entry) { block[k].m[i][j] = entry; });
         return matrix_of(block);
     }
 };

@@ -112,8 +112,9 @@ inline Symmetric3<Q> turning_weight(const Corotated<Q>& s, const Q& mu, const Q&
     return W + exactness * (kappa * inverse_of_positive(G, least) - W);
 }
 
-/// Stiffness blocks of an element: emit(k, block) of each k of block_pair [N/m]; `r` are the turned shape gradients,
-/// R g_a.
+/// Stiffness blocks of an element: emit(k, i, j, number) of each k of block_pair, entry after entry [N/m]; `r` are the
+/// turned shape gradients, R g_a. A column at a time needs four numbers of memory and seven registers: whole blocks do
+/// not fit into the sixteen that there are.
 template <class Q, class Emit>
 inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], const Q& mu, const Q& lambda,
                                    const Q& pressure, const Q& exactness, Emit emit) {
@@ -124,34 +125,31 @@ inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], co
     const Vec3<Q> row[3] = {
         {M.m[0][0], M.m[1][0], M.m[2][0]}, {M.m[1][0], M.m[1][1], M.m[2][1]}, {M.m[2][0], M.m[2][1], M.m[2][2]}};
     const Q direct = Q(2) * mu * s.volume, bulk = lambda * s.volume;
-    // Moving all four nodes costs nothing: rows add up to zero.
-    Mat3<Q> of_first[3] = {Mat3<Q>::zero(), Mat3<Q>::zero(), Mat3<Q>::zero()};  // minus the blocks of node 0
-    for (int b = 0; b < 3; ++b) {
-        const Vec3<Q> N[3] = {cross(row[0], r[b]), cross(row[1], r[b]), cross(row[2], r[b])};
-        const Vec3<Q> stretched = bulk * r[b];
-        for (int a = b; a < 3; ++a) {
-            const Q diagonal = direct * dot(r[a], r[b]);
-            Mat3<Q> K;
-            for (int i = 0; i < 3; ++i) {
-                const int p = (i + 1) % 3, q = (i + 2) % 3;
-                for (int j = 0; j < 3; ++j) {
-                    if (a == b && j > i) continue;
-                    const Q turned = N[p][j] * r[a][q] - N[q][j] * r[a][p];
-                    const Q k = turned + r[a][i] * stretched[j];
-                    K.m[i][j] = i == j ? k + diagonal : k;
-                    if (a == b) K.m[j][i] = K.m[i][j];
+    // Moving all four nodes costs nothing: what turns node 0 is minus the others.
+    const Vec3<Q> node[4] = {-(r[0] + r[1] + r[2]), r[0], r[1], r[2]};
+#pragma GCC unroll 4
+    for (int b = 0; b < 4; ++b) {
+        const Vec3<Q> N[3] = {cross(row[0], node[b]), cross(row[1], node[b]), cross(row[2], node[b])};
+        const Vec3<Q> stretched = bulk * node[b];
+#pragma GCC unroll 4
+        for (int a = b; a < 4; ++a) {
+            const int k = a * (a + 1) / 2 + b;
+            const Vec3<Q>& v = node[a];
+            const Q diagonal = direct * dot(v, node[b]);
+#pragma GCC unroll 3
+            for (int j = 0; j < 3; ++j) {
+                const Q n[3] = {N[0][j], N[1][j], N[2][j]};
+#pragma GCC unroll 3
+                for (int i = a == b ? j : 0; i < 3; ++i) {
+                    const int p = (i + 1) % 3, q = (i + 2) % 3;
+                    const Q number = (n[p] * v[q] - n[q] * v[p]) + v[i] * stretched[j];
+                    const Q entry = i == j ? number + diagonal : number;
+                    emit(k, i, j, entry);
+                    if (a == b && i != j) emit(k, j, i, entry);
                 }
             }
-            emit((a + 1) * (a + 2) / 2 + b + 1, K);
-            of_first[a] = of_first[a] + K;
-            if (a != b) of_first[b] = of_first[b] + transpose(K);
         }
     }
-    Mat3<Q> corner = of_first[0] + of_first[1] + of_first[2];
-    for (int i = 0; i < 3; ++i)
-        for (int j = i + 1; j < 3; ++j) corner.m[i][j] = corner.m[j][i];
-    emit(0, corner);
-    for (int a = 0; a < 3; ++a) emit((a + 1) * (a + 2) / 2, Q(-1) * of_first[a]);
 }
 
 /// Part k of what a register holds.
@@ -316,9 +314,8 @@ inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda,
     for (std::size_t i = 0; i < 12; ++i) sums.number[i] = force[i / 3][int(i % 3)];
     if constexpr (want == Want::forces_and_matrix) {
         for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
-        corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, const Mat3<Q>& K) {
-            Q* to = &sums.number[ElementSums<Q>::stiffness + 9 * std::size_t(k)];
-            for (int i = 0; i < 9; ++i) to[i] = K.m[i / 3][i % 3];
+        corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const Q& entry) {
+            sums.number[ElementSums<Q>::stiffness + std::size_t(9 * k + 3 * i + j)] = entry;
         });
     }
     using Sums = ElementSums<Q>;
@@ -339,8 +336,10 @@ inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& e
             add_vec3<R>(&c.scratch.gradient[std::size_t(3 * nodes[a] * lane_width<R>)], force[a]);
         if constexpr (want == Want::forces_and_matrix) {
             for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
-            corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, const Mat3<R>& K) {
-                add_block<R>(c.scratch.blocks.data(), blocks[std::size_t(k)], K);
+            auto* all = c.scratch.blocks.data();
+            corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const R& entry) {
+                auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * lane_width<R>;
+                store<R>(to, load<R>(to) + entry);
             });
         }
     } else {
