@@ -1,5 +1,6 @@
 #include "engine/step.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "engine/systems.h"
@@ -13,6 +14,24 @@ void timed(double& seconds, System system) {
     const auto start = std::chrono::steady_clock::now();
     system();
     seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Fingers for themselves, and bodies with the fingers that are near them: the one beside the other where both are to
+/// be solved and there are threads for it. What bodies take beyond the time of the fingers is then theirs.
+void solve(World& w, Threads& threads) {
+    StepProfile& p = w.profile;
+    auto skins = [&] { timed(p.solve_skin, [&] { solve_skins(w.solver, threads, w.chunks); }); };
+    auto bodies = [&] {
+        solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, w.skins, threads, w.shapes, w.bodies,
+                     w.finger_pairs, w.soft, w.body_solve, w.chunks);
+    };
+    if (threads.count() == 1 || !solved_apart(w.chunks)) {
+        skins();
+        timed(p.solve_bodies, bodies);
+        return;
+    }
+    timed(p.solve_bodies, [&] { threads.for_each(2, [&](int k) { k == 0 ? skins() : bodies(); }); });
+    p.solve_bodies = std::max(0.0, p.solve_bodies - p.solve_skin);
 }
 
 }  // namespace
@@ -37,11 +56,7 @@ void step(World& w, Threads& threads) {
     });
     timed(p.choose_detail, [&] { choose_detail(w.solver, w.step, w.chunks); });
     timed(p.gather_lanes, [&] { gather_lanes(w.skins, w.chunks); });
-    timed(p.solve_skin, [&] { solve_skins(w.solver, threads, w.chunks); });
-    timed(p.solve_bodies, [&] {
-        solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, w.skins, threads, w.shapes, w.bodies,
-                     w.finger_pairs, w.soft, w.body_solve, w.chunks);
-    });
+    solve(w, threads);
     end_cuts(w.deadline, w.chunks, w.body_solve);
     timed(p.extract_contact, [&] {
         extract_contact(w.skins, w.solver.tolerance, threads, w.soft, w.chunks, w.couplings, w.contact_surfaces);

@@ -56,6 +56,8 @@ void gather_lanes(Table<Skin>& skins, SkinChunks& chunks);
 
 /// One implicit step of every chunk (solve/solve_lanes.h) that is near no body, chunks in parallel.
 void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks);
+/// Whether there are fingers for solve_skins and others for solve_bodies, and neither writes what the other reads.
+bool solved_apart(const SkinChunks& chunks);
 
 /// One implicit step of every body, to the simulated `time` [s], and of every chunk near one, or with fingers near each
 /// other: bones, skin, bodies and the planes between fingers in one solve.

@@ -52,15 +52,34 @@ inline Mat3<R> solve_right_transposed(const Mat3<R>& S, const Mat3<R>& L) {
 
 namespace detail {
 
+/// S -= A B^T for blocks of memory, column after column, so that S and what a column needs fit into sixteen registers;
+/// sums are those of subtract_products (supernode_cholesky.h).
+template <class R>
+inline void subtract_product_transposed(R (&S)[9], const ScalarOf<R>* A, const ScalarOf<R>* B) {
+    constexpr int W = lane_width<R>;
+#pragma GCC unroll 3
+    for (int j = 0; j < 3; ++j) {
+        const R b0 = load<R>(B + 3 * j * W), b1 = load<R>(B + (3 * j + 1) * W), b2 = load<R>(B + (3 * j + 2) * W);
+#pragma GCC unroll 3
+        for (int i = 0; i < 3; ++i) {
+            const ScalarOf<R>* a = A + 3 * i * W;
+            S[3 * i + j] -= load<R>(a) * b0 + load<R>(a + W) * b1 + load<R>(a + 2 * W) * b2;
+        }
+    }
+}
+
 /// Block b of the matrix minus its updates by the factor so far.
 template <class R>
 inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* factor, int b) {
-    constexpr int W9 = 9 * lane_width<R>;
-    Mat3<R> S = p.in_matrix(b) ? load_mat3<R>(blocks + static_cast<std::size_t>(b) * W9) : Mat3<R>::zero();
+    constexpr int W = lane_width<R>;
+    R S[9];
+    const bool in_matrix = p.in_matrix(b);
+#pragma GCC unroll 9
+    for (int i = 0; i < 9; ++i) S[i] = in_matrix ? load<R>(blocks + (9 * static_cast<std::size_t>(b) + i) * W) : R(0);
     for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u)
-        S = S - times_transposed(load_mat3<R>(factor + static_cast<std::size_t>(p.update_a[u]) * W9),
-                                 load_mat3<R>(factor + static_cast<std::size_t>(p.update_b[u]) * W9));
-    return S;
+        subtract_product_transposed<R>(S, factor + static_cast<std::size_t>(p.update_a[u]) * 9 * W,
+                                       factor + static_cast<std::size_t>(p.update_b[u]) * 9 * W);
+    return {{{S[0], S[1], S[2]}, {S[3], S[4], S[5]}, {S[6], S[7], S[8]}}};
 }
 
 }  // namespace detail

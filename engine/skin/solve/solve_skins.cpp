@@ -26,6 +26,18 @@ void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver, WorkMemory* w
 
 }  // namespace
 
+bool solved_apart(const SkinChunks& chunks) {
+    if (!chunks.work.empty()) return false;  // they take turns at this memory
+    bool alone = false, together = false, moves_both = false;
+    chunks.for_each([&](const auto& c) {
+        const bool with_others = solved_with_others(c);
+        together |= with_others;
+        alone |= !with_others && active_lanes(c) != 0;
+        moves_both |= with_others && c.rigid_lanes != 0;
+    });
+    return alone && together && !moves_both;
+}
+
 void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks) {
     const int count = chunks.count();
     if (chunks.work.empty()) {

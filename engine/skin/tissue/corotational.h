@@ -114,8 +114,8 @@ inline Symmetric3<Q> turning_weight(const Corotated<Q>& s, const Q& mu, const Q&
 
 /// Stiffness blocks of an element: emit(k, i, j, number) of each k of block_pair, entry after entry [N/m]; `r` are the
 /// turned shape gradients, R g_a. A column at a time needs four numbers of memory and seven registers: whole blocks do
-/// not fit into the sixteen that there are.
-template <class Q, class Emit>
+/// not fit into the sixteen that there are. `own_volume`: whether lambda acts on the element, and not on its patch.
+template <bool own_volume = true, class Q, class Emit>
 inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], const Q& mu, const Q& lambda,
                                    const Q& pressure, const Q& exactness, Emit emit) {
     const Symmetric3<Q> W = s.volume * turning_weight(s, mu, pressure, exactness);
@@ -142,8 +142,9 @@ inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], co
 #pragma GCC unroll 3
                 for (int i = a == b ? j : 0; i < 3; ++i) {
                     const int p = (i + 1) % 3, q = (i + 2) % 3;
-                    const Q number = (n[p] * v[q] - n[q] * v[p]) + v[i] * stretched[j];
-                    const Q entry = i == j ? number + diagonal : number;
+                    Q entry = n[p] * v[q] - n[q] * v[p];
+                    if constexpr (own_volume) entry += v[i] * stretched[j];
+                    if (i == j) entry += diagonal;
                     emit(k, i, j, entry);
                     if (a == b && i != j) emit(k, j, i, entry);
                 }
@@ -305,7 +306,7 @@ inline void begin_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
 
 /// Forces, and where wanted stiffness, of the elements of a register that a finger has for itself; leaves their turned
 /// shape gradients.
-template <Want want, class R, class Q>
+template <Want want, class R, bool own_volume = true, class Q>
 inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness,
                             Vec3<Q> r[3], ElementNumbers<R>& out) {
     Vec3<Q> force[4];
@@ -314,9 +315,10 @@ inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda,
     for (std::size_t i = 0; i < 12; ++i) sums.number[i] = force[i / 3][int(i % 3)];
     if constexpr (want == Want::forces_and_matrix) {
         for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
-        corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const Q& entry) {
-            sums.number[ElementSums<Q>::stiffness + std::size_t(9 * k + 3 * i + j)] = entry;
-        });
+        corotational_stiffness<own_volume>(
+            s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const Q& entry) {
+                sums.number[ElementSums<Q>::stiffness + std::size_t(9 * k + 3 * i + j)] = entry;
+            });
     }
     using Sums = ElementSums<Q>;
     turn_numbers<R, Q, Sums::count>(sums.number.data(), want == Want::forces ? Sums::stiffness : Sums::count,
@@ -324,7 +326,7 @@ inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda,
 }
 
 /// Adds them, or those of one element of several fingers.
-template <Want want, class R, class Q>
+template <Want want, class R, class Q, bool own_volume = true>
 inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
                           const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
     if constexpr (std::is_same_v<R, Q>) {
@@ -337,14 +339,15 @@ inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& e
         if constexpr (want == Want::forces_and_matrix) {
             for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
             auto* all = c.scratch.blocks.data();
-            corotational_stiffness(s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const R& entry) {
-                auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * lane_width<R>;
-                store<R>(to, load<R>(to) + entry);
-            });
+            corotational_stiffness<own_volume>(
+                s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const R& entry) {
+                    auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * lane_width<R>;
+                    store<R>(to, load<R>(to) + entry);
+                });
         }
     } else {
         ElementNumbers<R> numbers;
-        element_numbers<want, R>(s, mu, lambda, pressure, exactness, r, numbers);
+        element_numbers<want, R, own_volume>(s, mu, lambda, pressure, exactness, r, numbers);
         for (int k = 0; k < elements.count; ++k)
             add_element<want, R>(c, elements.first + std::size_t(k), numbers.of(k));
     }

@@ -78,7 +78,7 @@ inline void add_patch(SkinChunk<ScalarOf<R>>& c, std::size_t number, const Eleme
         const R mu = load<R>(&c.rest.mu[std::size_t(patch.first + k) * W]);
         out.energy += shape_energy(s, mu);
         Vec3<R> r[3];
-        add_corotated<want, R, R>(c, element(k), s, mu, R(0), pressure, request.exactness, r);
+        add_corotated<want, R, R, false>(c, element(k), s, mu, R(0), pressure, request.exactness, r);
         if (c.has_limits) note_limits<R, R>(c, element(k), s, request.watches);
         if constexpr (want == Want::forces_and_matrix) {
             const auto& place = t.element_place[std::size_t(patch.first + k)];
@@ -141,8 +141,8 @@ inline void add_patches_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, std
         const Corotated<Q>& s = state[n];
         Vec3<Q> r[3];
         ElementNumbers<R> numbers;
-        element_numbers<want, R>(s, mu[n], Q(0), load<Q>(&pressure[std::size_t(n * step)]),
-                                 repeat_part<Q>(request.exactness), r, numbers);
+        element_numbers<want, R, false>(s, mu[n], Q(0), load<Q>(&pressure[std::size_t(n * step)]),
+                                        repeat_part<Q>(request.exactness), r, numbers);
         alignas(64) std::array<T, std::size_t(9 * step)> turned;  // volume R g
         if constexpr (want == Want::forces_and_matrix)
             for (std::size_t i = 0; i < 9; ++i)
