@@ -186,7 +186,8 @@ struct StepDeadline {
     bool cut_short = false;  ///< any of them was
 };
 
-/// Wall time of the systems of one step [s]; the fields follow step.cpp one to one.
+/// Wall time of the systems of one step [s]; the fields follow step.cpp one to one. Where bodies are solved beside
+/// fingers that touch none, solve_bodies is what they take beyond solve_skin.
 struct StepProfile {
     double read_trackers = 0, couple = 0, begin_bodies = 0, detect_contacts = 0, choose_detail = 0, gather_lanes = 0,
            solve_skin = 0, solve_bodies = 0, extract_contact = 0, match_devices = 0, publish = 0, end_objects = 0;
