@@ -10,6 +10,7 @@
 #include "devices/drivers/simulated.h"
 #include "devices/loop/loop.h"
 #include "engine/step.h"
+#include "engine/systems.h"
 #include "tests/support.h"
 
 namespace {
@@ -137,6 +138,32 @@ TEST_P(StepWithBodies, SameBitsForAnyNumberOfThreads) {
             EXPECT_EQ(worlds[0].matchings[t].result.w, worlds[w].matchings[t].result.w)
                 << "configuration of thimble " << t;
     }
+}
+
+TEST(Step, WhatIsNearNoBodyIsSolvedBesideBodiesWithTheSameBits) {
+    const oneapi::tbb::global_control eight_threads(oneapi::tbb::global_control::max_allowed_parallelism, 8);
+    std::vector<World> worlds;
+    int apart = 0;
+    for (int count : {1, 2, 4, 8}) {
+        SceneSpec spec = scene_of(4, false, 0.4, true);
+        spec.objects.pop_back();  // the last finger presses on the table
+        spec.fingers[3].start.position.z -= 0.002;
+        spec.fingers[3].mesh = testing::block_mesh(2, 2, 2, 0.004);
+        worlds.push_back(build_world(spec));
+        Threads threads(count);
+        for (int k = 0; k < 30; ++k) {
+            drive(worlds.back(), threads, 1 + k);
+            apart += solved_apart(worlds.back().chunks);
+        }
+    }
+    EXPECT_GE(apart, 4 * 20);
+    EXPECT_GT(worlds[0].contact_surfaces[3].normal_force, 0.01);
+    EXPECT_GT(worlds[0].contact_surfaces[0].normal_force, 0.01);
+    for (std::size_t w = 1; w < worlds.size(); ++w)
+        for (std::size_t c = 0; c < worlds[0].chunks.doubles.size(); ++c) {
+            EXPECT_EQ(worlds[0].chunks.doubles[c].state.position, worlds[w].chunks.doubles[c].state.position) << w;
+            EXPECT_EQ(worlds[0].chunks.doubles[c].state.velocity, worlds[w].chunks.doubles[c].state.velocity) << w;
+        }
 }
 
 TEST_P(StepWithBodies, DoesNotAllocate) {
