@@ -74,7 +74,6 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
                (p.updates < R(T(fitted::updates_per_iteration * s.newton_iterations)));
     const MaskOf<R> first = p.iterations <= R(0);
     d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | ((first | unbalanced_update) & !satisfied));
-    // It evaluates again, with a matrix.
     // Where an iteration has thrown what touched off each other, forces are held against what holds the bone.
     const MaskOf<R> touches = e.contact_force > e.force_floor;
     const MaskOf<R> rough = residual > R(T(fitted::spike_share)) * select(touches, e.contact_force, scale);
@@ -82,6 +81,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> shaky = holds_body & (e.limited > R(0)) &
                             ((residual > R(T(fitted::steady_share)) * e.contact_force) |
                              (pending > R(T(fitted::steady_pending_share)) * e.contact_force));
+    // What goes on evaluates again, with a matrix.
     const MaskOf<R> goes_on =
         p.active & !d.retry & out_of_budget &
         ((rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
