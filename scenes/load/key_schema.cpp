@@ -1,6 +1,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scenes/load/key_reference.h"
+#include "scenes/load/written_value.h"
 
 namespace palpate {
 
@@ -65,7 +66,7 @@ nlohmann::ordered_json schema_of(const KeyInfo& k) {
             break;
     }
     out["description"] = k.sentence + (k.unit.empty() ? "" : " [" + k.unit + "]");
-    if (!k.fallback.empty()) out["default"] = nlohmann::ordered_json::parse(k.fallback);
+    if (!k.fallback.empty()) out["default"] = written_value(k.fallback);
     return out;
 }
 

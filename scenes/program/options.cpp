@@ -8,23 +8,19 @@
 
 namespace palpate {
 
-namespace {
+Option Option::required() {
+    option_->required();
+    return *this;
+}
 
-/// Ranges let nan through, and not every number has one.
-CLI::Option* finite(CLI::Option* option) {
+Option Option::finite() {
     const auto check = [](const std::string& given) {
         char* end = nullptr;
         const double value = std::strtod(given.c_str(), &end);
         const bool number = end != given.c_str();  // what is none is refused as it is read
         return number && !std::isfinite(value) ? "expected a finite number, found " + given : std::string();
     };
-    return option->check(CLI::Validator(check, ""));
-}
-
-}  // namespace
-
-Option Option::required() {
-    option_->required();
+    option_->check(CLI::Validator(check, ""));
     return *this;
 }
 
@@ -71,24 +67,11 @@ Option Command::option(const std::string& name, int& value, const std::string& d
 }
 
 Option Command::option(const std::string& name, double& value, const std::string& description) const {
-    return Option(finite(app_->add_option(name, value, description)));
+    return Option(app_->add_option(name, value, description)).finite();
 }
 
 Option Command::option(const std::string& name, std::optional<double>& value, const std::string& description) const {
-    return Option(finite(app_->add_option(name, value, description)));
-}
-
-Option Command::option(const std::string& name, std::vector<std::string>& values,
-                       const std::string& description) const {
-    return Option(app_->add_option(name, values, description));
-}
-
-Option Command::option(const std::string& name, std::vector<int>& values, const std::string& description) const {
-    return Option(app_->add_option(name, values, description));
-}
-
-Option Command::option(const std::string& name, std::vector<double>& values, const std::string& description) const {
-    return Option(finite(app_->add_option(name, values, description)));
+    return Option(app_->add_option(name, value, description)).finite();
 }
 
 Option Command::scene(const std::string& name, std::string& file, const std::string& description) const {

@@ -17,6 +17,8 @@ class Option {
   public:
     explicit Option(CLI::Option* option) : option_(option) {}
     Option required();
+    /// Numbers, none of them infinite or nan, which ranges let through.
+    Option finite();
     /// Values in [low, high].
     Option range(int low, int high);
     Option range(double low, double high);

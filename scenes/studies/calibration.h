@@ -5,22 +5,11 @@
 #include <functional>
 
 #include "scenes/load/finger_model.h"
+#include "scenes/studies/fit_parameters.h"
 #include "scenes/studies/indentation.h"
 #include "scenes/studies/measured_curves.h"
 
 namespace palpate {
-
-/// Something of a finger that can be fitted, between bounds, in the unit of finger files.
-struct FitParameter {
-    std::string name;  ///< "young_kPa"
-    double low = 0, high = 1;
-    bool logarithmic = false;  ///< bounds span decades
-    std::function<double(const FingerModel&)> get;
-    std::function<void(FingerModel&, double)> set;
-};
-/// Those a finger has: young_kPa (layers keep their ratio to it), poisson, low, high; of a parametric one length_mm,
-/// width_mm, thickness_mm, pad_bulge; of its layers layer_1_young_kPa, layer_1_low, layer_1_high, ...
-std::vector<FitParameter> fit_parameters(const FingerModel& model);
 
 struct CalibrationSettings {
     std::vector<std::string> parameters{"young_kPa", "low", "width_mm"};
