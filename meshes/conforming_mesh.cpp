@@ -165,6 +165,7 @@ TetMesh conforming_mesh(const Surface& skin, const FingerRegions& regions, const
     const Frame frame(skin);
     const Surface phalanx = phalanx_surface(skin, regions);
     const TriangleTree skin_tree(skin), phalanx_tree(phalanx);
+    Remesher remesh_skin(skin_tree), remesh_phalanx(phalanx_tree);
     check_phalanx(phalanx, skin_tree, tissue_around * frame.thickness());
     const double radius = regions.phalanx_radius * frame.thickness();
     const double nail = frame.box[0][2] + regions.nail * frame.thickness();
@@ -182,9 +183,9 @@ TetMesh conforming_mesh(const Surface& skin, const FingerRegions& regions, const
             auto bone_size = [&](const Vector3d& x) {
                 return std::min(roundest * radius, edge * std::max(grading.bone, coarseness(frame, x, grading.coarse)));
             };
-            Surface outer = remesh(skin_tree, skin_size);
+            Surface outer = remesh_skin(skin_size);
             conform_to_nail(outer, skin_tree, nail);
-            const Surface inner = remesh(phalanx_tree, bone_size);
+            const Surface inner = remesh_phalanx(bone_size);
             Surface both = outer;
             const int first_inner = int(outer.vertices.size());
             both.vertices.insert(both.vertices.end(), inner.vertices.begin(), inner.vertices.end());

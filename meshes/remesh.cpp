@@ -7,12 +7,9 @@
 
 namespace palpate {
 
-namespace {
+namespace remeshing {
 
-// Edges are split above and collapsed below these multiples of the wanted length (Botsch & Kobbelt 2004).
-constexpr double longest = 4.0 / 3.0, shortest = 4.0 / 5.0;
-
-struct RemeshTraits : OpenMesh::DefaultTraits {
+struct Traits : OpenMesh::DefaultTraits {
     typedef OpenMesh::Vec3d Point;
     typedef OpenMesh::Vec3d Normal;
     VertexAttributes(OpenMesh::Attributes::Status);
@@ -20,8 +17,17 @@ struct RemeshTraits : OpenMesh::DefaultTraits {
     FaceAttributes(OpenMesh::Attributes::Status);
     HalfedgeAttributes(OpenMesh::Attributes::Status);
 };
-using WorkMesh = OpenMesh::TriMesh_ArrayKernelT<RemeshTraits>;
+using WorkMesh = OpenMesh::TriMesh_ArrayKernelT<Traits>;
+
+}  // namespace remeshing
+
+namespace {
+
 using OpenMesh::Vec3d;
+using remeshing::WorkMesh;
+
+// Edges are split above and collapsed below these multiples of the wanted length (Botsch & Kobbelt 2004).
+constexpr double longest = 4.0 / 3.0, shortest = 4.0 / 5.0;
 
 Eigen::Vector3d to_eigen(const Vec3d& p) { return {p[0], p[1], p[2]}; }
 Vec3d from_eigen(const Eigen::Vector3d& p) { return {p[0], p[1], p[2]}; }
@@ -163,44 +169,70 @@ void restore_volume(WorkMesh& mesh, double wanted) {
     }
 }
 
-}  // namespace
-
-namespace {
-
-/// `Size`: a function as SizeField; a template, for one length everywhere is what most meshes have.
 template <class Size>
-WorkMesh remeshed(const TriangleTree& reference, const Size& size, double largest) {
-    WorkMesh mesh = to_work_mesh(reference.surface());
-    double sum = 0;
-    for (auto e : mesh.edges()) sum += mesh.calc_edge_length(e);
-    // Edges grow by at most half per round: a coarse remesh in one go turns inside out.
-    double bound = std::min(largest, sum / double(mesh.n_edges()));
-    const auto bounded = [&](const Eigen::Vector3d& x) { return std::min(size(x), bound); };
-    int settled = 0;
-    while (settled < 5) {
-        split_long_edges(mesh, bounded);
-        collapse_short_edges(mesh, bounded);
-        equalise_valences(mesh);
-        smooth_and_project(mesh, reference);
-        if (bound >= largest) ++settled;
-        bound = std::min(largest, 1.5 * bound);
-    }
-    return mesh;
+void improve(WorkMesh& mesh, const TriangleTree& reference, const Size& size) {
+    split_long_edges(mesh, size);
+    collapse_short_edges(mesh, size);
+    equalise_valences(mesh);
+    smooth_and_project(mesh, reference);
 }
 
+/// Edges grow by at most so much per round: a coarse remesh in one go turns inside out.
+constexpr double growth = 1.5;
+
 }  // namespace
 
-Surface remesh(const TriangleTree& reference, double edge_length) {
-    WorkMesh mesh = remeshed(
-        reference, [&](const Eigen::Vector3d&) { return edge_length; }, edge_length);
-    restore_volume(mesh, volume(reference.surface()));
+/// The surface after 0, 1, 2, ... rounds with edges of one length everywhere, the mean at first and `growth` times as
+/// long each time: all that is remeshed to something longer has come through them.
+struct Remesher::Grown {
+    const TriangleTree& reference;
+    std::vector<WorkMesh> after;
+    double first = 0;
+
+    explicit Grown(const TriangleTree& r) : reference(r), after{to_work_mesh(r.surface())} {
+        const WorkMesh& mesh = after.front();
+        for (auto e : mesh.edges()) first += mesh.calc_edge_length(e);
+        first /= double(mesh.n_edges());
+    }
+    /// `Size`: a function as SizeField; a template, for one length everywhere is what most meshes have.
+    template <class Size>
+    WorkMesh remeshed(const Size& size, double smallest, double largest) {
+        double bound = first;
+        std::size_t round = 0;
+        for (; bound <= smallest && bound < largest; ++round, bound *= growth) {
+            if (round + 1 < after.size()) continue;
+            WorkMesh next = after[round];
+            improve(next, reference, [&](const Eigen::Vector3d&) { return bound; });
+            after.push_back(std::move(next));
+        }
+        WorkMesh mesh = after[round];
+        bound = std::min(bound, largest);
+        for (int settled = 0; settled < 5; bound = std::min(largest, growth * bound)) {
+            improve(mesh, reference, [&](const Eigen::Vector3d& x) { return std::min(size(x), bound); });
+            settled += bound >= largest;
+        }
+        return mesh;
+    }
+};
+
+Remesher::Remesher(const TriangleTree& reference) : grown_(std::make_unique<Grown>(reference)) {}
+Remesher::~Remesher() = default;
+
+Surface Remesher::operator()(double edge_length) {
+    WorkMesh mesh = grown_->remeshed([&](const Eigen::Vector3d&) { return edge_length; }, edge_length, edge_length);
+    restore_volume(mesh, volume(grown_->reference.surface()));
     return to_surface(mesh);
 }
 
-Surface remesh(const TriangleTree& reference, const SizeField& size) {
-    double largest = 0;
-    for (const Point& p : reference.surface().vertices) largest = std::max(largest, size({p[0], p[1], p[2]}));
-    return to_surface(remeshed(reference, size, largest));
+Surface Remesher::operator()(const SizeField& size) {
+    double smallest = 1e300, largest = 0;
+    for (const Point& p : grown_->reference.surface().vertices) {
+        const double there = size({p[0], p[1], p[2]});
+        smallest = std::min(smallest, there), largest = std::max(largest, there);
+    }
+    return to_surface(grown_->remeshed(size, smallest, largest));
 }
+
+Surface remesh(const TriangleTree& reference, double edge_length) { return Remesher(reference)(edge_length); }
 
 }  // namespace palpate

@@ -16,6 +16,7 @@ TetMesh tetrahedralise(const Surface& surface, const TetrahedraliseSettings& set
                          std::to_string(settings.elements));
     if (auto wrong = check_surface(surface); !wrong.empty()) throw InputError(wrong);
     const TriangleTree reference(surface);
+    Remesher remesh(reference);
     // Edge of a regular tetrahedron of the mean volume; the count is not monotone in it, so scan around.
     const double estimate = std::cbrt(8.49 * volume(surface) / settings.elements);
     std::optional<TetMesh> best;
@@ -24,7 +25,7 @@ TetMesh tetrahedralise(const Surface& surface, const TetrahedraliseSettings& set
     for (int k = 0; k < 29; ++k) {
         const double factor = 1 + 0.012 * ((k + 1) / 2) * (k % 2 ? 1 : -1);  // 1, 1.012, 0.988, 1.024, ...
         try {
-            const Surface coarse = remesh(reference, factor * estimate);
+            const Surface coarse = remesh(factor * estimate);
             TetMesh mesh = run_tetgen(coarse, "pYq1.2/15O9/7o/140", settings);
             if (!check_tets(mesh).empty()) continue;
             const double off = std::abs(double(mesh.tets.size()) / settings.elements - 1);

@@ -73,7 +73,7 @@ SurfaceOfSize surface_of(const ObjectSpec& o, const std::shared_ptr<TriangleTree
         case ShapeKind::cylinder:
             return [size](double edge) { return cylinder_surface(size.x, size.y, edge); };
         case ShapeKind::mesh:
-            return [file](double edge) { return remesh(*file, edge); };
+            return [file, remesh = std::make_shared<Remesher>(*file)](double edge) { return (*remesh)(edge); };
         default:
             return [size](double edge) { return capsule_surface(size.x, size.y, edge); };
     }

@@ -238,7 +238,7 @@ TEST(TextBoard, TheProgramDrivesIt) {
     EXPECT_EQ(o.code, 0) << o.out;
     EXPECT_NE(o.out.find("thimbles are in their rest pose"), std::string::npos) << o.out;
     EXPECT_NE(o.out.find(" 0 faults"), std::string::npos) << o.out;
-    board.expect_bounded(6 * 636.62);
+    board.expect_bounded(6 * 636.62, 20);
     {
         const std::lock_guard lock(arduino::pulses_mutex);
         EXPECT_GT(arduino::pulses.size(), 30u);

@@ -185,7 +185,7 @@ TEST_F(Boards, OfEveryKindAtOnce) {
         expect_safe(of_board(1));
         EXPECT_EQ(told_after(of_board(lost), first_time(events(), testing::unplugged)), 0) << o.out;
         expect_at_rest(of_board(1 - lost), 3);
-        text.expect_bounded(6 * 636.62);
+        text.expect_bounded(6 * 636.62, 20);
         for (const auto& [id, goal] : bus.goals()) EXPECT_TRUE(goal >= 1536 && goal <= 2560) << id << ": " << goal;
         for (int i = 0; i < 4; ++i) {
             const std::string unknown = "f" + std::to_string(i) + " is not known to be in its rest pose: ";
