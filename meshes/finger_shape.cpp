@@ -24,6 +24,7 @@ std::vector<std::string> FingerShape::validate() const {
     need(thickness, shape_bounds::thickness, "thickness", 1e3, " mm");
     need(pad_bulge, shape_bounds::pad_bulge, "pad bulge", 1, "");
     need(nail_drop, shape_bounds::nail_drop, "nail drop", 1, "");
+    need(crease, shape_bounds::crease, "crease", 1, "");
     return wrong;
 }
 
@@ -50,8 +51,12 @@ double closing_profile(double s, double closing) {
 double tip_height(const FingerShape& f) { return 0.30 * 0.46 * f.thickness * (1 - f.nail_drop); }
 double side_height(const FingerShape& f, double s) { return tip_height(f) * (1 - closing_profile(s, 0.45)); }
 
-/// By how much the pad side of the section at s swells.
-double swelling(double bulge, double s) { return 1 + bulge * std::exp(-std::pow((s - 0.6) / 0.28, 2)); }
+/// What the bulge and the crease, which takes the last 30 % of the length before the cut, make of the height of the pad
+/// side at s.
+double pad_height(const FingerShape& f, double s) {
+    const double swelling = 1 + f.pad_bulge * std::exp(-std::pow((s - 0.6) / 0.28, 2));
+    return f.crease > 0 ? swelling * (1 - f.crease * smoothstep((0.3 - s) / 0.3)) : swelling;
+}
 
 /// Point of the section at s, at angle phi (0 = radial side, pi/2 = dorsal).
 Point section_point(const FingerShape& f, double s, double phi) {
@@ -65,17 +70,17 @@ Point section_point(const FingerShape& f, double s, double phi) {
     const double exponent = n > 0 ? 2.5 : 2.15;
     const double reach = std::pow(std::pow(std::abs(c), exponent) + std::pow(std::abs(n), exponent), -1 / exponent);
     const double half_width = 0.5 * f.width * closing_profile(s, 0.45);
-    const double height = n > 0 ? top - side : (side - bottom) * swelling(f.pad_bulge, s);
+    const double height = n > 0 ? top - side : (side - bottom) * pad_height(f, s);
     return {(s - 0.5) * f.length, half_width * reach * c, side + height * reach * n};
 }
 
 }  // namespace
 
-void change_pad_bulge(std::vector<Point>& nodes, const FingerShape& f, double bulge) {
-    if (bulge == f.pad_bulge) return;
+void change_pad(std::vector<Point>& nodes, const FingerShape& f, const FingerShape& wanted) {
+    if (wanted.pad_bulge == f.pad_bulge && wanted.crease == f.crease) return;
     for (Point& p : nodes) {
         const double s = p[0] / f.length + 0.5, side = side_height(f, std::min(1.0, std::max(0.0, s)));
-        if (p[2] < side) p[2] = side + (p[2] - side) * swelling(bulge, s) / swelling(f.pad_bulge, s);
+        if (p[2] < side) p[2] = side + (p[2] - side) * pad_height(wanted, s) / pad_height(f, s);
     }
 }
 

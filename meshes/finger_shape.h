@@ -12,6 +12,7 @@ struct FingerShape {
     double thickness = 0.0145;  ///< pad to nail side, at the cut [m]
     double pad_bulge = 0.14;    ///< share by which the pad swells at its middle
     double nail_drop = 0.26;    ///< share of the dorsal half height lost towards the tip, over the nail
+    double crease = 0;          ///< share of the pad side's height lost towards the cut, as at the joint's crease
     std::vector<std::string> validate() const;
 };
 
@@ -21,15 +22,15 @@ struct Bounds {
     double low, high;
 };
 inline constexpr Bounds length{0.010, 0.060}, width{0.006, 0.040}, thickness{0.006, 0.035};  // [m]
-inline constexpr Bounds pad_bulge{0, 0.5}, nail_drop{0, 0.5};
+inline constexpr Bounds pad_bulge{0, 0.5}, nail_drop{0, 0.5}, crease{0, 0.4};
 }  // namespace shape_bounds
 
 /// Finger of a median hand: "thumb", "index", "middle", "ring" or "little". Throws InputError otherwise.
 FingerShape finger_shape(const std::string& finger);
 std::vector<std::string> finger_shape_names();
 
-/// Moves nodes inside a finger of this shape as its pad swells or flattens from the shape's own bulge to another.
-void change_pad_bulge(std::vector<Point>& nodes, const FingerShape& shape, double bulge);
+/// Moves nodes inside a finger of this shape as its pad side comes to have the bulge and the crease of another.
+void change_pad(std::vector<Point>& nodes, const FingerShape& shape, const FingerShape& wanted);
 
 /// Dense closed surface in the finger frame (origin at the centre of the segment).
 Surface finger_surface(const FingerShape& shape);

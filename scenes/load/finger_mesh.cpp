@@ -191,9 +191,9 @@ TetMesh make_finger_mesh(const FingerMeshRequest& r, FingerTemplates& templates,
     const bool has_bone = r.kind == FingerMeshRequest::Kind::conforming && r.source != FingerMeshRequest::Source::tets;
     if (!has_bone) mark_bone(mesh, r);
     if (r.source == FingerMeshRequest::Source::parametric) {
-        FingerShape swollen = r.shape;
-        swollen.pad_bulge = FingerShape{}.pad_bulge;  // that of the template, for which the regions are meant
-        change_pad_bulge(mesh.nodes, swollen, r.shape.pad_bulge);
+        FingerShape made = r.shape;  // with the pad of the template, for which the regions are meant
+        made.pad_bulge = FingerShape{}.pad_bulge, made.crease = FingerShape{}.crease;
+        change_pad(mesh.nodes, made, r.shape);
     }
     group_elements(mesh, r, [&] {
         if (skin.vertices.empty()) throw InputError("a finished mesh has no other");

@@ -36,6 +36,8 @@ void read_shape(Section s, FingerMeshRequest& r) {
              "Share by which the pad swells at its middle.");
     s.number("nail_drop", r.shape.nail_drop, unit::one, in_file(unit::one, shape_bounds::nail_drop),
              "Share of the dorsal half height lost towards the tip, over the nail.");
+    s.number("crease", r.shape.crease, unit::one, in_file(unit::one, shape_bounds::crease),
+             "Share of the pad side's height lost towards the cut, as at the crease of the joint behind it.");
     s.finish();
 }
 
@@ -418,7 +420,7 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (r.source == FingerMeshRequest::Source::parametric)
         out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
             << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge
-            << ", nail_drop = " << r.shape.nail_drop << " }\n"
+            << ", nail_drop = " << r.shape.nail_drop << ", crease = " << r.shape.crease << " }\n"
             << (plain ? "" : "mesh = { " + how.str() + " }\n");
     else
         out << "mesh = { " << (r.source == FingerMeshRequest::Source::tets ? "tets" : "surface") << " = "

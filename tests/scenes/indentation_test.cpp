@@ -136,10 +136,10 @@ TEST(Indentation, ACurvedSkinBearsTheSameWithEveryMesh) {
                        field_at_displacement(curves[1], displacement, &IndentationPoint::force);
             };
             for (const double displacement : {0.5e-3, 1e-3, 1.5e-3}) {
-                if (curved) { EXPECT_NEAR(ratio(displacement), 1, 0.08) << angle << " " << displacement; }
+                if (curved) { EXPECT_NEAR(ratio(displacement), 1, 0.1) << angle << " " << displacement; }
             }
             if (!curved) { EXPECT_LT(ratio(0.5e-3), 0.92) << angle; }
-            if (!curved) { EXPECT_GT(ratio(1.5e-3), 1.03) << angle; }
+            if (!curved) { EXPECT_GT(ratio(1.5e-3), ratio(0.5e-3) + 0.06) << angle; }
         }
 }
 
