@@ -143,31 +143,6 @@ TEST(FingerFiles, ASceneUsesThemAndItsOwnTablesComeFirst) {
     }
 }
 
-TEST(PadShape, SwellsRisesAndComesBack) {
-    const FingerShape shape = finger_shape("index");
-    FingerShape swollen = shape, creased = shape;
-    swollen.pad_bulge = 0.3, creased.crease = 0.2;
-    const std::vector<Point> before = finger_surface(shape).vertices;
-    for (const FingerShape& wanted : {swollen, creased}) {
-        std::vector<Point> nodes = before;
-        change_pad(nodes, shape, wanted);
-        const std::vector<Point> made = finger_surface(wanted).vertices;
-        for (std::size_t i = 0; i < nodes.size(); ++i) EXPECT_NEAR(nodes[i][2], made[i][2], 1e-12);
-        change_pad(nodes, wanted, shape);
-        for (std::size_t i = 0; i < nodes.size(); ++i) EXPECT_NEAR(nodes[i][2], before[i][2], 1e-12);
-    }
-    EXPECT_LT(bounds(finger_surface(swollen).vertices)[0][2], 1.05 * bounds(before)[0][2]);
-    // A crease moves nothing but the pad side near the cut, whose lowest place then is a fifth higher.
-    const std::vector<Point> risen = finger_surface(creased).vertices;
-    double low = 0, low_before = 0;
-    for (std::size_t i = 0; i < before.size(); ++i) {
-        if (before[i][0] > -0.2 * shape.length) { EXPECT_EQ(risen[i][2], before[i][2]); }
-        if (before[i][0] > -0.499 * shape.length) continue;
-        low = std::min(low, risen[i][2]), low_before = std::min(low_before, before[i][2]);
-    }
-    EXPECT_NEAR(low, 0.8 * low_before, 1e-5);
-}
-
 /// What reading a table says, or nothing.
 std::string said(const std::string& text) {
     testing::ScratchFolder scratch;
