@@ -349,6 +349,21 @@ TEST(RealFingers, MeshAtBothResolutions) {
         }
 }
 
+/// What all sizes come through is gone through once, in whatever order they are asked for.
+TEST(Remesher, OfSeveralSizesMakesWhatEachAloneWould) {
+    const TriangleTree tree(finger_surface(finger_shape("index")));
+    auto graded = [](const Eigen::Vector3d& x) { return x[2] > 0 ? 0.004 : 0.0022; };
+    Remesher shared(tree);
+    for (const double edge : {0.004, 0.0015, 0.0025, 0.0005, 0.006}) {
+        const Surface a = shared(edge), b = remesh(tree, edge);
+        EXPECT_EQ(a.vertices, b.vertices) << edge;
+        EXPECT_EQ(a.triangles, b.triangles) << edge;
+    }
+    const Surface a = shared(graded), b = Remesher(tree)(graded);
+    EXPECT_EQ(a.vertices, b.vertices);
+    EXPECT_EQ(a.triangles, b.triangles);
+}
+
 TEST(PadShape, SwellsRisesAndComesBack) {
     const FingerShape shape = finger_shape("index");
     FingerShape swollen = shape, creased = shape;
