@@ -85,6 +85,7 @@ void end_bodies(Work& w) {
         const detail::LaneProgress<double>& p = w.s.islands[b.island].progress;
         body.iterations = int(p.iterations);
         body.converged = p.converged;
+        const double moment_left = b.gradient.tail<3>().norm();
         // Nothing acts on it: what the solve has left of its turn is not taken from its angular momentum.
         if (p.converged && (b.inertia.gradient - b.gradient).isZero(0))
             b.inertia.gradient.tail<3>().setZero(), b.gradient.tail<3>().setZero();
@@ -96,8 +97,11 @@ void end_bodies(Work& w) {
         } else {
             const Motion contact = b.inertia.gradient - b.gradient;
             const double share = std::max(fitted::own_residual, 3 * w.solver.tolerance);
-            body.converged &=
-                b.gradient.head<3>().norm() <= std::max(share * contact.head<3>().norm(), fitted::own_rounding);
+            const double force = contact.head<3>().norm();
+            body.converged &= b.gradient.head<3>().norm() <= std::max(share * force, fitted::own_rounding);
+            // Its moment, too: what is balanced to a hair's breadth may be left turned.
+            const double moment = std::max(force * body.size, contact.tail<3>().norm());
+            body.converged &= moment_left <= std::max(share * moment, fitted::own_rounding * body.size);
             const Vec3<double> before = body.velocity;
             body.velocity = (1 / w.solver.dt) * displacement;
             if (b.flies) body.velocity += (0.5 * w.solver.dt / body.mass) * b.weight;

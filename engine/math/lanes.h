@@ -331,28 +331,52 @@ inline void transpose_square(HalfRegister<float>* row) {
     }
 }
 
-/// A whole register of numbers p[offset[k]]; where it has no parts, lanes that begin there.
+/// Two parts side by side in a register.
+template <class Whole, class Part>
+inline Whole join_parts(const Part& low, const Part& high) {
+    static_assert(lane_width<Whole> == 2 * lane_width<Part>);
+    return [&]<int... k>(std::integer_sequence<int, k...>) {
+        return Whole(typename Whole::Vector(__builtin_shufflevector(low.v, high.v, k...)));
+    }
+    (std::make_integer_sequence<int, lane_width<Whole>>{});
+}
+template <class Part, class Whole>
+inline Part low_part(const Whole& whole) {
+    return [&]<int... k>(std::integer_sequence<int, k...>) {
+        return Part(typename Part::Vector(__builtin_shufflevector(whole.v, whole.v, k...)));
+    }
+    (std::make_integer_sequence<int, lane_width<Part>>{});
+}
+template <class Part, class Whole>
+inline Part high_part(const Whole& whole) {
+    return [&]<int... k>(std::integer_sequence<int, k...>) {
+        return Part(typename Part::Vector(__builtin_shufflevector(whole.v, whole.v, (lane_width<Part> + k)...)));
+    }
+    (std::make_integer_sequence<int, lane_width<Part>>{});
+}
+/// A whole register of numbers p[offset[k]], or of lanes that begin there.
 template <class Part, class Whole>
 inline Whole gather_parts(const ScalarOf<Part>* p, const std::size_t* offset) {
     if constexpr (std::is_same_v<Part, Whole>) {
         return load<Part>(p + offset[0]);
+    } else if constexpr (lane_width<Part> != 1) {
+        return join_parts<Whole>(load<Part>(p + offset[0]), load<Part>(p + offset[1]));
     } else {
-        static_assert(lane_width<Part> == 1);
         return [&]<std::size_t... k>(std::index_sequence<k...>) {
             return Whole(typename Whole::Vector{p[offset[k]]...});
         }
         (std::make_index_sequence<std::size_t(lane_width<Whole>)>{});
     }
 }
-/// A whole register of one number; where it has no parts, the lanes themselves.
+/// A whole register of one number, or of the same lanes.
 template <class Whole, class Part>
 inline Whole repeat_part(const Part& part) {
-    if constexpr (std::is_same_v<Part, Whole>) {
+    if constexpr (std::is_same_v<Part, Whole>)
         return part;
-    } else {
-        static_assert(lane_width<Part> == 1);
+    else if constexpr (lane_width<Part> != 1)
+        return join_parts<Whole>(part, part);
+    else
         return Whole(lane(part, 0));
-    }
 }
 
 /// A mask whose lane i is `bits` bit i.

@@ -53,15 +53,15 @@ inline Mat3<R> solve_right_transposed(const Mat3<R>& S, const Mat3<R>& L) {
 namespace detail {
 
 /// S -= A B^T for blocks of memory, column after column, so that S and what a column needs fit into sixteen registers;
-/// sums are those of subtract_products (supernode_cholesky.h).
-template <class R>
+/// sums are those of subtract_products (supernode_cholesky.h). Of a diagonal block, what is above it is left out.
+template <bool diagonal, class R>
 inline void subtract_product_transposed(R (&S)[9], const ScalarOf<R>* A, const ScalarOf<R>* B) {
     constexpr int W = lane_width<R>;
 #pragma GCC unroll 3
     for (int j = 0; j < 3; ++j) {
         const R b0 = load<R>(B + 3 * j * W), b1 = load<R>(B + (3 * j + 1) * W), b2 = load<R>(B + (3 * j + 2) * W);
 #pragma GCC unroll 3
-        for (int i = 0; i < 3; ++i) {
+        for (int i = diagonal ? j : 0; i < 3; ++i) {
             const ScalarOf<R>* a = A + 3 * i * W;
             S[3 * i + j] -= load<R>(a) * b0 + load<R>(a + W) * b1 + load<R>(a + 2 * W) * b2;
         }
@@ -69,7 +69,7 @@ inline void subtract_product_transposed(R (&S)[9], const ScalarOf<R>* A, const S
 }
 
 /// Block b of the matrix minus its updates by the factor so far.
-template <class R>
+template <bool diagonal, class R>
 inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, const ScalarOf<R>* factor, int b) {
     constexpr int W = lane_width<R>;
     R S[9];
@@ -77,8 +77,8 @@ inline Mat3<R> updated_block(const BlockPattern& p, const ScalarOf<R>* blocks, c
 #pragma GCC unroll 9
     for (int i = 0; i < 9; ++i) S[i] = in_matrix ? load<R>(blocks + (9 * static_cast<std::size_t>(b) + i) * W) : R(0);
     for (int u = p.update_start[b]; u < p.update_start[b + 1]; ++u)
-        subtract_product_transposed<R>(S, factor + static_cast<std::size_t>(p.update_a[u]) * 9 * W,
-                                       factor + static_cast<std::size_t>(p.update_b[u]) * 9 * W);
+        subtract_product_transposed<diagonal, R>(S, factor + static_cast<std::size_t>(p.update_a[u]) * 9 * W,
+                                                 factor + static_cast<std::size_t>(p.update_b[u]) * 9 * W);
     return {{{S[0], S[1], S[2]}, {S[3], S[4], S[5]}, {S[6], S[7], S[8]}}};
 }
 
@@ -101,14 +101,13 @@ inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarO
     R bad_pivots(0);
     for (int j = 0; j < p.columns; ++j) {
         if (changed && changed[j] == 0) continue;
-        Mat3<R> diagonal;
-        for (int b = p.column_start[j]; b < p.column_start[j + 1]; ++b) {
-            Mat3<R> S = detail::updated_block<R>(p, blocks, factor, b);
-            if (b == p.column_start[j])
-                S = diagonal = detail::factor_diagonal(S, bad_pivots);
-            else
-                S = detail::solve_right_transposed(S, diagonal);
-            store_mat3<R>(factor + static_cast<std::size_t>(b) * W9, S);
+        const int first = p.column_start[j];
+        const Mat3<R> diagonal =
+            detail::factor_diagonal(detail::updated_block<true, R>(p, blocks, factor, first), bad_pivots);
+        store_mat3<R>(factor + static_cast<std::size_t>(first) * W9, diagonal);
+        for (int b = first + 1; b < p.column_start[j + 1]; ++b) {
+            const Mat3<R> S = detail::updated_block<false, R>(p, blocks, factor, b);
+            store_mat3<R>(factor + static_cast<std::size_t>(b) * W9, detail::solve_right_transposed(S, diagonal));
         }
     }
     return bad_pivots;

@@ -95,6 +95,8 @@ inline constexpr double felt_rounding = 2e-6;
 /// Far outside (violation, and depth [m]), where elements are inverted or objects deep in the skin, a violation that
 /// stays says nothing about the multipliers (scrambled starts).
 inline constexpr double far_beyond_limits = 3, deep_in_skin = 1e-2;
+/// Strain so far below what a limit is at needs no closer look (of its square; the rest is rounding's).
+inline constexpr double clearly_within = 0.9;
 /// Penalty of a strain limit over its multiplier: below about 2 equilibria under 1,000 N became saddles; at 6 all of
 /// the tests' converge, at 20 Newton needs three times the iterations.
 inline constexpr double penalty_over_multiplier = 6;

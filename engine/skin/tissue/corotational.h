@@ -21,25 +21,29 @@ using RegisterOf = std::conditional_t<shares_register<R> && lane_width<R> == 1, 
 /// How many elements it holds.
 template <class R>
 inline constexpr int elements_at_once = lane_width<RegisterOf<R>> / lane_width<R>;
+/// A whole register also where several fingers leave room for another element of theirs.
+template <class R>
+using FilledRegister = std::conditional_t<shares_register<R>, typename WholeRegister<R>::type, R>;
 
 /// Elements first ... first + count - 1 as a register Q holds them; further parts repeat the last.
 template <class R, class Q>
 struct ElementGroup {
+    static constexpr int parts = lane_width<Q> / lane_width<R>;
     std::size_t first = 0;
     int count = 0;
-    std::array<std::size_t, elements_at_once<R>> number;
+    std::array<std::size_t, parts> number;
 
     ElementGroup(std::size_t first_element, int n) : first(first_element), count(n) {
-        for (int k = 0; k < elements_at_once<R>; ++k) number[std::size_t(k)] = first + std::size_t(std::min(k, n - 1));
+        for (int k = 0; k < parts; ++k) number[std::size_t(k)] = first + std::size_t(std::min(k, n - 1));
     }
     /// Number `i` of the `size` that an array has for each element.
     Q load(const LaneArray<ScalarOf<R>>& array, std::size_t size = 1, std::size_t i = 0) const {
-        std::array<std::size_t, elements_at_once<R>> offset;
+        std::array<std::size_t, parts> offset;
         for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = size * number[k] * lane_width<R>;
         return gather_parts<R, Q>(array.data() + i * lane_width<R>, offset.data());
     }
     Vec3<Q> load_node(const LaneArray<ScalarOf<R>>& array, const SkinTopology& t, int a) const {
-        std::array<std::size_t, elements_at_once<R>> offset;
+        std::array<std::size_t, parts> offset;
         for (std::size_t k = 0; k < offset.size(); ++k)
             offset[k] = std::size_t(3 * t.elements[number[k]][std::size_t(a)]) * lane_width<R>;
         const ScalarOf<R>* p = array.data();
@@ -85,6 +89,14 @@ inline void corotate(const SkinChunk<ScalarOf<R>>& c, int count, Group group, Co
     }
     nearest_rotations(F, count, rotation);
     for (int n = 0; n < count; ++n) finish_corotated(out[n], rotation[n]);
+}
+
+/// Sum of the squares of a matrix's entries.
+template <class Q>
+inline Q squared_norm(const Mat3<Q>& A) {
+    Q squared(0);
+    for (int i = 0; i < 9; ++i) squared += A.m[i / 3][i % 3] * A.m[i / 3][i % 3];
+    return squared;
 }
 
 /// Nodal forces (gradients) dE/dx_a of nodes 0..3 [N].
@@ -158,8 +170,14 @@ template <class R, class Q>
 inline R part_of(const Q& whole, int k) {
     if constexpr (std::is_same_v<R, Q>)
         return whole;
+    else if constexpr (lane_width<R> != 1)
+        return k == 0 ? low_part<R>(whole) : high_part<R>(whole);
     else
         return R(lane(whole, k));
+}
+template <class R, class Q>
+inline Vec3<R> part_of(const Vec3<Q>& whole, int k) {
+    return {part_of<R>(whole.x, k), part_of<R>(whole.y, k), part_of<R>(whole.z, k)};
 }
 
 /// What the elements of a register add to a finger alone: forces on their nodes, then stiffness of their node pairs.
@@ -246,9 +264,14 @@ inline void note_limits(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& ele
                         bool watches) {
     constexpr int W = lane_width<R>;
     const Q one(1), low = elements.load(c.rest.limit_low), high = elements.load(c.rest.limit_high);
-    const MaskOf<Q> within = positive_definite(plus_diagonal(one - low, s.strain)) &
-                             positive_definite(plus_diagonal(high - one, Q(-1) * s.strain));
-    const unsigned beyond = bits_from_mask<Q>(!within);
+    const Q margin = minimum(one - low, high - one);
+    unsigned beyond = 0;
+    // No stretch is further from one than the norm of what it deforms by. (What is not a number is looked at.)
+    if (!all(squared_norm(s.strained) < Q(ScalarOf<Q>(fitted::clearly_within)) * margin * margin)) {
+        const MaskOf<Q> within = positive_definite(plus_diagonal(one - low, s.strain)) &
+                                 positive_definite(plus_diagonal(high - one, Q(-1) * s.strain));
+        beyond = bits_from_mask<Q>(!within);
+    }
     if (beyond == 0 && c.limits.unloaded && !watches) return;
     for (int k = 0; k < elements.count; ++k) {
         const std::size_t e = elements.first + std::size_t(k);
@@ -325,26 +348,45 @@ inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda,
                                     out.of_element.data());
 }
 
-/// Adds them, or those of one element of several fingers.
+/// Adds the elements of a register to several fingers. Element after element: what comes after the first one waits.
+template <Want want, class R, bool own_volume, class Q>
+inline void add_to_fingers(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
+                           const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
+    constexpr int W = lane_width<R>, parts = ElementGroup<R, Q>::parts;
+    static_assert(parts <= 2);
+    Vec3<Q> force[4];
+    corotational_force(s, mu, pressure, force);
+    for (int k = 0; k < elements.count; ++k) {
+        const auto& nodes = c.topology->elements[elements.first + std::size_t(k)];
+        for (std::size_t a = 0; a < 4; ++a)
+            add_vec3<R>(&c.scratch.gradient[std::size_t(3 * nodes[a] * W)], part_of<R>(force[a], k));
+    }
+    if constexpr (want == Want::forces_and_matrix) {
+        for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
+        auto* all = c.scratch.blocks.data();
+        const auto& blocks = c.topology->element_block[elements.first];
+        [[maybe_unused]] std::array<R, 90> waiting;  // of a second element
+        corotational_stiffness<own_volume>(
+            s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const Q& entry) {
+                auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * W;
+                store<R>(to, load<R>(to) + part_of<R>(entry, 0));
+                if constexpr (parts == 2) waiting[std::size_t(9 * k + 3 * i + j)] = high_part<R>(entry);
+            });
+        if (elements.count < 2) return;
+        const auto& others = c.topology->element_block[elements.first + 1];
+        for (std::size_t k = 0; k < 10; ++k) {
+            auto* to = all + 9 * std::size_t(others[k]) * W;
+            for (std::size_t i = 0; i < 9; ++i, to += W) store<R>(to, load<R>(to) + waiting[9 * k + i]);
+        }
+    }
+}
+
+/// Adds them to a finger alone, or to several.
 template <Want want, class R, class Q, bool own_volume = true>
 inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
                           const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
-    if constexpr (std::is_same_v<R, Q>) {
-        Vec3<Q> force[4];
-        corotational_force(s, mu, pressure, force);
-        const auto& nodes = c.topology->elements[elements.first];
-        const auto& blocks = c.topology->element_block[elements.first];
-        for (std::size_t a = 0; a < 4; ++a)
-            add_vec3<R>(&c.scratch.gradient[std::size_t(3 * nodes[a] * lane_width<R>)], force[a]);
-        if constexpr (want == Want::forces_and_matrix) {
-            for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
-            auto* all = c.scratch.blocks.data();
-            corotational_stiffness<own_volume>(
-                s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const R& entry) {
-                    auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * lane_width<R>;
-                    store<R>(to, load<R>(to) + entry);
-                });
-        }
+    if constexpr (lane_width<R> != 1 || std::is_same_v<R, Q>) {
+        add_to_fingers<want, R, own_volume>(c, elements, s, mu, lambda, pressure, exactness, r);
     } else {
         ElementNumbers<R> numbers;
         element_numbers<want, R, own_volume>(s, mu, lambda, pressure, exactness, r, numbers);
@@ -356,18 +398,16 @@ inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& e
 /// mu |S - I|^2 of elements, times their volumes [J].
 template <class Q>
 inline Q shape_energy(const Corotated<Q>& s, const Q& mu) {
-    Q squared(0);
-    for (int i = 0; i < 9; ++i) squared += s.strained.m[i / 3][i % 3] * s.strained.m[i / 3][i % 3];
-    return s.volume * mu * squared;
+    return s.volume * mu * squared_norm(s.strained);
 }
 
 /// Elasticity and strain limits of every element with a volume term of its own.
 template <Want want, class R>
 inline void add_corotational_elements(SkinChunk<ScalarOf<R>>& c, const ElementRequest<R>& request, Evaluation<R>& out) {
-    using Q = RegisterOf<R>;
+    using Q = FilledRegister<R>;
     using T = ScalarOf<R>;
     const int count = int(c.topology->elements.size());
-    constexpr int step = elements_at_once<R>;
+    constexpr int step = ElementGroup<R, Q>::parts;
     const Q exactness = repeat_part<Q>(request.exactness);
     begin_limits<R>(c, request.limits);
     for (int first = 0; first < count; first += step * rotations_at_once) {

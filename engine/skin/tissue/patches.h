@@ -58,34 +58,46 @@ template <Want want, class R>
 inline void add_patch(SkinChunk<ScalarOf<R>>& c, std::size_t number, const ElementRequest<R>& request,
                       Evaluation<R>& out) {
     using T = ScalarOf<R>;
-    constexpr int W = lane_width<R>;
+    using Q = FilledRegister<R>;
+    constexpr int W = lane_width<R>, step = ElementGroup<R, Q>::parts;
     const SkinTopology& t = *c.topology;
     const VolumePatch& patch = t.patches[number];
-    auto element = [&](int k) { return ElementGroup<R, R>(std::size_t(patch.first + k), 1); };
-    Corotated<R> state[most_patch_elements];
+    const int groups = (patch.count + step - 1) / step;
+    auto group = [&](int n) {
+        return ElementGroup<R, Q>(std::size_t(patch.first + n * step), std::min(step, patch.count - n * step));
+    };
+    Corotated<Q> state[(most_patch_elements + step - 1) / step];
+    for (int n = 0; n < groups; n += rotations_at_once)
+        corotate<R, Q>(
+            c, std::min(rotations_at_once, groups - n), [&](int i) { return group(n + i); }, state + n);
     R dilatation(0);  // [m^3]
-    for (int k = 0; k < patch.count; k += rotations_at_once)
-        corotate<R, R>(
-            c, std::min(rotations_at_once, patch.count - k), [&](int i) { return element(k + i); }, state + k);
-    for (int k = 0; k < patch.count; ++k) dilatation += state[k].volume * state[k].stretch;
+    for (int n = 0; n < groups; ++n) {
+        const Q change = state[n].volume * state[n].stretch;
+        for (int k = 0; k < group(n).count; ++k) dilatation += part_of<R>(change, k);
+    }
     const R bulk = load<R>(&c.rest.patch_bulk[number * W]), pressure = bulk * dilatation;
     out.energy += R(T(0.5)) * pressure * dilatation;
 
     Vec3<R> slope[4 * most_patch_elements];
     for (int a = 0; a < patch.node_count; ++a) slope[a] = {R(0), R(0), R(0)};
-    for (int k = 0; k < patch.count; ++k) {
-        const Corotated<R>& s = state[k];
-        const R mu = load<R>(&c.rest.mu[std::size_t(patch.first + k) * W]);
-        out.energy += shape_energy(s, mu);
-        Vec3<R> r[3];
-        add_corotated<want, R, R, false>(c, element(k), s, mu, R(0), pressure, request.exactness, r);
-        if (c.has_limits) note_limits<R, R>(c, element(k), s, request.watches);
+    const Q of_patch = repeat_part<Q>(pressure), exactness = repeat_part<Q>(request.exactness);
+    for (int n = 0; n < groups; ++n) {
+        const ElementGroup<R, Q> elements = group(n);
+        const Corotated<Q>& s = state[n];
+        const Q mu = elements.load(c.rest.mu), energy = shape_energy(s, mu);
+        for (int k = 0; k < elements.count; ++k) out.energy += part_of<R>(energy, k);
+        Vec3<Q> r[3];
+        add_corotated<want, R, Q, false>(c, elements, s, mu, Q(0), of_patch, exactness, r);
+        if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
         if constexpr (want == Want::forces_and_matrix) {
-            const auto& place = t.element_place[std::size_t(patch.first + k)];
-            for (std::size_t a = 0; a < 3; ++a) {
-                const Vec3<R> of_node = s.volume * r[a];
-                slope[place[a + 1]] += of_node;
-                slope[place[0]] -= of_node;
+            const Vec3<Q> turned[3] = {s.volume * r[0], s.volume * r[1], s.volume * r[2]};
+            for (int k = 0; k < elements.count; ++k) {
+                const auto& place = t.element_place[elements.first + std::size_t(k)];
+                for (std::size_t a = 0; a < 3; ++a) {
+                    const Vec3<R> of_node = part_of<R>(turned[a], k);
+                    slope[place[a + 1]] += of_node;
+                    slope[place[0]] -= of_node;
+                }
             }
         }
     }
