@@ -252,6 +252,8 @@ void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, co
     const double spacing = std::cbrt(8.5 * volume / double(t.elements.size()));  // edge of a regular tet
     for (std::size_t s = 0; s < t.sample_count(); ++s)
         c.rest.contact_penalty[s * W + lane] = T(p.contact_penalty_factor * E / volume * spacing);
+    const std::vector<bool> on_pad = corners_on_pad(t, *p.mesh);
+    for (std::size_t k = 0; k < on_pad.size(); ++k) c.rest.corner_on_pad[k * W + lane] = T(on_pad[k]);
     double farthest = 0;
     for (const Point& r : p.mesh->nodes) farthest = std::max(farthest, std::hypot(r[0], r[1], r[2]));
     c.rest.extent[lane] = T(farthest);

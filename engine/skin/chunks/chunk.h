@@ -33,6 +33,7 @@ struct SkinRest {
     LaneArray<T> limit_penalty;                 ///< [limit] base penalty of the limits [Pa]; empty without limits
     LaneArray<T> mass;                          ///< [node] [kg]
     LaneArray<T> contact_penalty;               ///< [sample] [N/m]
+    LaneArray<T> corner_on_pad;     ///< [skin corner] 1: it counts in the normal at its node (corners_on_pad); 0
     LaneArray<T> contact_area;      ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
     LaneArray<T> object_friction;   ///< [object] Coulomb coefficients; empty where fingers do not differ in them
     LaneArray<T> tissue_stiffness;  ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]

@@ -88,6 +88,7 @@ void for_each_rest_field(Chunk& c, Visit visit) {
     visit(r.limit_volume, Field{rest, lane, c.has_limits ? c.topology->limit_patches.size() : 0});
     visit(r.mass, Field{rest, lane, n.N});
     visit(r.contact_penalty, Field{rest, lane, n.S});
+    visit(r.corner_on_pad, Field{rest, lane, c.topology->skin_corners.size()});
     visit(r.contact_area, Field{rest, lane, c.has_soft_objects ? n.S : 0});
     visit(r.object_friction, Field{rest, lane, std::size_t(c.own_frictions)});
     visit(r.tissue_stiffness, Field{rest, lane, 1});

@@ -208,31 +208,13 @@ void for_each_pad_face(const TetMesh& mesh, const std::vector<int>& sample_of, V
         if (std::none_of(f.begin(), f.end(), [&](int node) { return sample_of[std::size_t(node)] < 0; })) visit(f);
 }
 
-/// Corners of the faces around the pad's nodes, but for faces beyond an edge of the skin, as at the cut end: a normal
-/// of both would be neither's.
+/// Corners of the faces around the pad's nodes.
 void find_skin_corners(SkinTopology& t, const TetMesh& mesh) {
-    constexpr double beyond = 0.35;  // cosine between normals, as in meshes/curved_skin.cpp
-    const auto at = [&](int node) {
-        const Point& p = mesh.nodes[std::size_t(node)];
-        return Vec3<double>{p[0], p[1], p[2]};
-    };
-    const auto normal = [&](const std::array<int, 3>& f) {
-        const Vec3<double> n = cross(at(f[1]) - at(f[0]), at(f[2]) - at(f[0]));
-        return (1 / std::max(norm(n), 1e-300)) * n;
-    };
     const std::vector<int> sample_of = samples_of_nodes(t);
-    std::vector<Vec3<double>> mean(t.samples.size(), Vec3<double>{0, 0, 0});
-    for_each_pad_face(mesh, sample_of, [&](const std::array<int, 3>& f) {
-        for (int node : f) mean[std::size_t(sample_of[std::size_t(node)])] += normal(f);
-    });
     for (const auto& f : mesh.surface)
-        for (std::size_t k = 0; k < 3; ++k) {
-            const int sample = sample_of[std::size_t(f[k])];
-            if (sample < 0) continue;
-            const Vec3<double>& of_pad = mean[std::size_t(sample)];
-            if (dot(of_pad, normal(f)) > beyond * norm(of_pad))
+        for (std::size_t k = 0; k < 3; ++k)
+            if (const int sample = sample_of[std::size_t(f[k])]; sample >= 0)
                 t.skin_corners.push_back({sample, f[k], f[(k + 1) % 3], f[(k + 2) % 3]});
-        }
 }
 
 /// Edges of the pad's faces.
@@ -470,6 +452,29 @@ std::vector<double> nodal_areas(const TetMesh& mesh) {
         for (int i : t) area[i] += share;
     }
     return area;
+}
+
+std::vector<bool> corners_on_pad(const SkinTopology& t, const TetMesh& mesh) {
+    constexpr double beyond = 0.35;  // cosine between normals, as in meshes/curved_skin.cpp
+    const auto at = [&](int node) {
+        const Point& p = mesh.nodes[std::size_t(node)];
+        return Vec3<double>{p[0], p[1], p[2]};
+    };
+    const auto normal = [&](int a, int b, int c) {
+        const Vec3<double> n = cross(at(b) - at(a), at(c) - at(a));
+        return (1 / std::max(norm(n), 1e-300)) * n;
+    };
+    const std::vector<int> sample_of = samples_of_nodes(t);
+    std::vector<Vec3<double>> mean(t.samples.size(), Vec3<double>{0, 0, 0});
+    for_each_pad_face(mesh, sample_of, [&](const std::array<int, 3>& f) {
+        for (int node : f) mean[std::size_t(sample_of[std::size_t(node)])] += normal(f[0], f[1], f[2]);
+    });
+    std::vector<bool> on_pad;
+    for (const SkinCorner& k : t.skin_corners) {
+        const Vec3<double>& of_pad = mean[std::size_t(k.sample)];
+        on_pad.push_back(dot(of_pad, normal(k.node, k.next, k.last)) > beyond * norm(of_pad));
+    }
+    return on_pad;
 }
 
 }  // namespace palpate

@@ -126,7 +126,7 @@ struct SkinTopology {
 
     std::vector<int> samples;              ///< nodes at which contact is decided
     std::vector<FaceSample> face_samples;  ///< further samples, inside faces of the pad
-    std::vector<SkinCorner> skin_corners;  ///< what normals at nodes are found by
+    std::vector<SkinCorner> skin_corners;  ///< what normals at nodes are found by, as corners_on_pad says
     /// Of a curved skin: edges of the pad's faces, and the part of each sample at a node that one of its edges has.
     /// Empty where the skin is flat between nodes.
     std::vector<SkinEdge> skin_edges;
@@ -147,6 +147,10 @@ std::vector<TissuePair> tissue_pairs(const SkinTopology& topology);
 /// `several_lanes`: for chunks of more than one lane, too. `sample_refinement`: 1 for samples at nodes alone, n for n
 /// times as many along each edge of the pad.
 SkinTopology build_topology(const TetMesh& mesh, bool several_lanes = true, int sample_refinement = 1);
+
+/// [skin corner] whether it counts in the normal at its node: not that of a face beyond an edge of the skin, as at the
+/// cut end, for a normal of both would be neither's. Fingers of one topology differ in it, as their shapes do.
+std::vector<bool> corners_on_pad(const SkinTopology& topology, const TetMesh& mesh);
 
 /// Share of the surface of every node [m^2]: a third of each triangle around it.
 std::vector<double> nodal_areas(const TetMesh& mesh);

@@ -17,9 +17,11 @@ inline void find_skin_normals(SkinChunk<ScalarOf<R>>& c) {
     auto& normals = c.scratch.skin_normal;
     std::fill(normals.begin(), normals.end(), T(0));
     auto at = [&](int node) { return load_vec3<R>(&c.state.position[node * W3]); };
-    for (const SkinCorner& k : c.topology->skin_corners) {
+    for (std::size_t n = 0; n < c.topology->skin_corners.size(); ++n) {
+        const SkinCorner& k = c.topology->skin_corners[n];
         const Vec3<R> x = at(k.node), a = at(k.next) - x, b = at(k.last) - x;
-        const R weight = R(T(1)) / maximum(dot(a, a) * dot(b, b), R(tiny));
+        const R weight =
+            load<R>(&c.rest.corner_on_pad[n * std::size_t(lane_width<R>)]) / maximum(dot(a, a) * dot(b, b), R(tiny));
         add_vec3<R>(&normals[k.sample * W3], weight * cross(a, b));
     }
     for (std::size_t s = 0; s < c.topology->samples.size(); ++s) {
