@@ -254,5 +254,37 @@ track = [ { t_s = 0, position_mm = [0, 0, 8], rotation_deg = [0, 20, 0] },
     EXPECT_GT(converged, 0.6 * steps);
 }
 
+/// Fingers of other sizes of one template share lanes and topology, but not which faces their skin's normals count.
+/// (Random scene 1822584: it felt 1.7956 N beside another, 1.7967 N alone.)
+TEST(Presets, AFingerBesideOneOfAnotherSizeIsTheSameBitsAsAlone) {
+    testing::ScratchFolder scratch;
+    const std::string settings = "dt_ms = 2\nduration_s = 0.012\n", scene = R"(
+[[object]]
+kind = "box"
+size_mm = [25.59, 16.92, 9.113]
+position_mm = [-1.456, 13, 0]
+[[finger]]
+finger = "index-median"
+track = [ { t_s = 0, position_mm = [1.371, 13, 18.335], rotation_deg = [1.56, -10.38, 0] },
+          { t_s = 0.009, position_mm = [1.371, 13, 9.927], rotation_deg = [1.56, -10.38, 0] } ]
+)";
+    auto forces = [&](const std::string& before) {
+        const auto file = scratch.path / "beside.toml";
+        std::ofstream(file) << settings << before << scene;
+        Simulation s = make_simulation(load_scene(file.string()), 1);
+        std::vector<double> out;
+        const std::atomic<bool> stop{false};
+        run(s, stop, [&](const StepInputs&, double) {
+            const std::size_t last = s.world.skins.size() - 1;
+            out.push_back(skin_status(s.world, s.world.skins.owner(last)).contact_force_N);
+        });
+        return out;
+    };
+    const std::vector<double> alone = forces("");
+    EXPECT_GT(alone.back(), 0.1);
+    EXPECT_EQ(forces("[[finger]]\nfinger = \"little-small\"\ntrack = [ { t_s = 0, position_mm = [1, -40, 60] } ]\n"),
+              alone);
+}
+
 }  // namespace
 }  // namespace palpate
