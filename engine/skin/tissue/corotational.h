@@ -91,14 +91,6 @@ inline void corotate(const SkinChunk<ScalarOf<R>>& c, int count, Group group, Co
     for (int n = 0; n < count; ++n) finish_corotated(out[n], rotation[n]);
 }
 
-/// Sum of the squares of a matrix's entries.
-template <class Q>
-inline Q squared_norm(const Mat3<Q>& A) {
-    Q squared(0);
-    for (int i = 0; i < 9; ++i) squared += A.m[i / 3][i % 3] * A.m[i / 3][i % 3];
-    return squared;
-}
-
 /// Nodal forces (gradients) dE/dx_a of nodes 0..3 [N].
 template <class Q>
 inline void corotational_force(const Corotated<Q>& s, const Q& mu, const Q& pressure, Vec3<Q> out[4]) {

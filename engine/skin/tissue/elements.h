@@ -37,14 +37,21 @@ inline void store_pose(ScalarOf<R>* p, const Pose<R>& pose) {
     store<R>(p + 6 * W, pose.rotation.z);
 }
 
+/// Sum of the squares of a matrix's entries.
+template <class R>
+inline R squared_norm(const Mat3<R>& A) {
+    R squared(0);
+    for (int i = 0; i < 9; ++i) squared += A.m[i / 3][i % 3] * A.m[i / 3][i % 3];
+    return squared;
+}
+
 /// Penalty of a strain limit: it grows with the multiplier, so that the augmented Lagrangian stays convex
 /// against buckling, and so that T keeps two positive singular values (svd3.h allows one negative) however strong the
 /// compression.
 template <class R>
 inline R limit_penalty(const Mat3<R>& multiplier, const R& low, const R& base) {
-    R squared(0);
-    for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
-    return maximum(base, R(ScalarOf<R>(fitted::penalty_over_multiplier)) * square_root(squared) / low);
+    const R norm = square_root(squared_norm(multiplier));
+    return maximum(base, R(ScalarOf<R>(fitted::penalty_over_multiplier)) * norm / low);
 }
 
 /// What an evaluation is asked for: forces alone where no linear solve follows; forces, and what contact adds to the
@@ -126,9 +133,7 @@ inline void add_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F
                         strain_limit<Curvature::positive>(shifted.sigma, low, high, k), exactness);
     const Mat3<R> stress = principal_to_matrix(shifted, terms.stress);
     act(stress, stress - multiplier, shifted, terms);
-    R squared(0);
-    for (int i = 0; i < 9; ++i) squared += multiplier.m[i / 3][i % 3] * multiplier.m[i / 3][i % 3];
-    out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared);
+    out.energy += volume * (terms.energy - R(ScalarOf<R>(0.5)) / k * squared_norm(multiplier));
     out.limited += select(dot(terms.stress, terms.stress) > R(0), R(1), R(0));
     for (int i = 0; i < 3; ++i)
         out.limits_met += select(absolute(terms.stress[i]) > R(0), R(ScalarOf<R>(3 * e + std::size_t(i) + 1)), R(0));
