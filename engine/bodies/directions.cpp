@@ -264,8 +264,9 @@ struct FollowedIslands {
         BodySolve& s = w.s;
         place_bodies(w, true);
         for (BodyProgress& b : s.bodies) b.rhs.setZero();
-        for_each_chunk(w, follows,
-                       [](auto& c, const auto& kernel, unsigned lanes) { kernel.contact_residual(c, lanes); });
+        for_each_chunk(w, follows, [&](auto& c, const auto& kernel, unsigned lanes) {
+            kernel.contact_residual(c, w.solver, lanes);
+        });
         for (int i = 0; i < s.island_count; ++i) s.islands[i].contact_residual = 0;
         for_each_lane(
             w, [&](auto& c, int lane, Island& i) { i.contact_residual += c.exchange.lanes[lane].contact_residual; });

@@ -392,6 +392,45 @@ TEST(FingerPairs, FingersThatBeginInEachOtherPartSlowly) {
     EXPECT_GT(a.force.z, 0.1);
 }
 
+/// Contacts that have changed by little stay as they are in matrices that are kept, and so in what couples the fingers:
+/// that costs no force, and hardly an iteration.
+TEST(FingerPairs, KeptMatricesLeadToTheSameForces) {
+    struct Pressed {
+        std::vector<Vec3<double>> force;
+        double iterations = 0, unconverged = 0;
+    };
+    auto pressed = [](int stiffness_steps, bool single) {
+        SceneSpec spec = indexes();
+        spec.solver.dt = 1e-3;
+        spec.solver.tolerance = 1e-5, spec.solver.multiplier_tolerance = 1e-4;
+        spec.solver.stiffness_steps = stiffness_steps;
+        for (FingerSpec& f : spec.fingers) f.single_precision = single;
+        Lab lab(spec);
+        Pressed out;
+        lab.run(0.25, [&](double t, World& w) {
+            press(t, w, 0.003, 0.003, 0.2);
+            if (w.step == 0) return;
+            out.force.push_back(w.contact_surfaces[0].total);
+            const SkinStatus s = skin_status(w, w.skins.owner(0));
+            out.iterations += s.newton_iterations, out.unconverged += !s.converged;
+        });
+        return out;
+    };
+    for (const bool single : {false, true}) {
+        const Pressed own = pressed(1, single), kept = pressed(16, single);
+        double largest = 0, off = 0;
+        for (std::size_t k = 0; k < own.force.size(); ++k) {
+            largest = std::max(largest, norm(own.force[k]));
+            off = std::max(off, norm(kept.force[k] - own.force[k]));
+        }
+        const auto what = ::testing::Message() << (single ? "float" : "double");
+        EXPECT_GT(largest, 0.5) << what;
+        EXPECT_LT(off, 1e-3 * largest) << what;
+        EXPECT_LE(kept.unconverged, own.unconverged + 1) << what;
+        EXPECT_LT(kept.iterations, 1.5 * own.iterations) << what;
+    }
+}
+
 TEST(FingerPairs, ThreeFingersInABundle) {
     SceneSpec spec = blocks();
     FingerSpec f = spec.fingers[0];

@@ -132,37 +132,60 @@ inline void solve_columns_forward(SkinChunk<ScalarOf<R>>& c) {
     });
 }
 
+/// Products of `rows` columns with `cols` others, `stride` scalars apart, each read once. Rows in which all of `a` are
+/// still zero are passed over.
+template <int rows, int cols, class R>
+inline void column_products(const ScalarOf<R>* a, const ScalarOf<R>* b, std::size_t stride, R (&sum)[rows][cols]) {
+    for (auto& row : sum)
+        for (R& value : row) value = R(0);
+    for (std::size_t n = 0; n < stride; n += lane_width<R>) {
+        R x[rows], size(0);
+        for (int i = 0; i < rows; ++i) {
+            x[i] = load<R>(a + std::size_t(i) * stride + n);
+            size = maximum(size, absolute(x[i]));
+        }
+        if (!any(size > R(0))) continue;
+        for (int j = 0; j < cols; ++j) {
+            const R y = load<R>(b + std::size_t(j) * stride + n);
+            for (int i = 0; i < rows; ++i) sum[i][j] += x[i] * y;
+        }
+    }
+}
+
 /// Takes Y' Y from the bodies' matrix and Y' y from their right-hand side, Y = columns, y = permuted (both behind
 /// L^-1).
 template <class R>
 inline void condense(SkinChunk<ScalarOf<R>>& c, bool with_matrix) {
     using T = ScalarOf<R>;
-    constexpr int W = lane_width<R>, W3 = 3 * W;
+    constexpr int W = lane_width<R>, W3 = 3 * W, half = 3;
     const std::size_t stride = c.topology->unknowns.size() * W3;
-    auto times = [&](const T* a, const T* b) {
-        R sum(0);
-        for (std::size_t i = 0; i < stride; i += W) sum += load<R>(a + i) * load<R>(b + i);
-        return sum;
-    };
     for_each_body_slot(c, [&](int a) {
         const T* of_a = &c.exchange.columns[6 * a * stride];
+        R along[6][1];
+        column_products<6, 1, R>(of_a, c.scratch.permuted.data(), stride, along);
         for (int k = 0; k < 6; ++k) {
             T* rhs = &c.exchange.body_rhs[(6 * a + k) * W];
-            store<R>(rhs, load<R>(rhs) - times(of_a + k * stride, c.scratch.permuted.data()));
+            store<R>(rhs, load<R>(rhs) - along[k][0]);
         }
         for_each_body_slot(c, [&](int b) {
             if (b < a || !with_matrix) return;
             const T* of_b = &c.exchange.columns[6 * b * stride];
             T* matrix = &c.exchange.body_matrix[36 * std::size_t(a * c.contacts.capacity + b) * W];
-            for (int k = 0; k < 36; ++k) {
-                const int i = k / 6, j = k % 6;
-                if (a == b && j < i) {
-                    store<R>(matrix + k * W, load<R>(matrix + (6 * j + i) * W));
-                    continue;
+            // By quarters: what fits the registers.
+            for (int i = 0; i < 6; i += half)
+                for (int j = 0; j < 6; j += half) {
+                    if (a == b && j < i) continue;
+                    R products[half][half];
+                    column_products<half, half, R>(of_a + i * stride, of_b + j * stride, stride, products);
+                    for (int k = 0; k < half * half; ++k) {
+                        T* value = matrix + (6 * (i + k / half) + j + k % half) * W;
+                        const R own = a == b ? load<R>(value) : R(0);
+                        store<R>(value, own - products[k / half][k % half]);
+                    }
                 }
-                const R own = a == b ? load<R>(matrix + k * W) : R(0);
-                store<R>(matrix + k * W, own - times(of_a + i * stride, of_b + j * stride));
-            }
+            if (a != b) return;
+            for (int k = 0; k < 36; ++k)
+                if (const int i = k / 6, j = k % 6; j < i) store<R>(matrix + k * W, load<R>(matrix + (6 * j + i) * W));
         });
     });
 }
@@ -187,7 +210,8 @@ void coupled_evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings)
     const R exactness = detail::given<R>(c, &LaneReport::exactness);
     const MaskOf<R> exact = exactness > R(0);
     const MaskOf<R> renew = exact | mask_from_bits<R>(detail::lanes_short_at_limits<R>(c, settings));
-    const detail::MatrixRequest<R> matrix{mask_from_bits<R>(steps), renew, !exact, R(0)};
+    const detail::MatrixRequest<R> matrix{mask_from_bits<R>(steps), renew, !exact,
+                                          detail::contact_share_of<R>(c, settings)};
     const Evaluation<R> e = steps != 0 ? detail::evaluate_keeping<R>(c, settings, exactness, matrix)
                                        : evaluate<R, detail::Want::forces>(c, settings, exactness);
     detail::add_body_gradients<R>(c);
@@ -295,12 +319,13 @@ void coupled_restore(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
 /// and the new curvature in the matrix. The slots' poses are the bodies' at the end of the direction; body_step is the
 /// last addition to it.
 template <class R>
-void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
+void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, unsigned lanes) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>, W3 = 3 * W;
     const SkinTopology& t = *c.topology;
     const MaskOf<R> mask = mask_from_bits<R>(lanes);
     const R exactness = detail::given<R>(c, &LaneReport::exactness);
+    const R share = detail::contact_share_of<R>(c, settings);
     place_slots(c);
     R squared(0);
     const std::size_t S = t.sample_count();
@@ -324,10 +349,10 @@ void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
             }
             if (!there.any_body) continue;
             const Vec3<R> gradient = there.of_bodies(terms.gradient);
-            const Mat3<R> curvature = there.of_bodies(terms.curvature);
             T* old_gradient = &c.exchange.slot_gradient[3 * (slot * S + i) * W];
             T* old_curvature = &c.exchange.slot_curvature[9 * (slot * S + i) * W];
             const Mat3<R> old = load_mat3<R>(old_curvature);
+            const Mat3<R> curvature = detail::changed_curvature(there.of_bodies(terms.curvature), old, share);
             const detail::BodyMotion<R> G = detail::body_motion<R>(c, slot, base);
             const T* dy = &c.exchange.body_step[6 * slot * W];
             const Vec3<R> moved = step + G.times(load_vec3<R>(dy), load_vec3<R>(dy + 3 * W));
@@ -341,6 +366,7 @@ void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
         }
         T *all_gradient = &c.scratch.sample_gradient[i * W3], *all_curvature = &c.scratch.sample_curvature[3 * i * W3];
         const Mat3<R> old = load_mat3<R>(all_curvature);
+        fixed_curvature = detail::changed_curvature(fixed_curvature, old, share);
         residual += fixed_gradient - load_vec3<R>(all_gradient) - old * step;
         change = change + (fixed_curvature - old);
         store_vec3<R>(all_gradient, fixed_gradient);

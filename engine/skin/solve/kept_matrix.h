@@ -45,6 +45,24 @@ inline void add_sample_block_of_bone(SkinChunk<ScalarOf<R>>& c, std::size_t s, c
         c.scratch.changed_columns[std::size_t(t.elimination[std::size_t(unknown)])] = 1;
 }
 
+/// Lanes in which `now` differs from `held` by more than a share of that.
+template <class R>
+inline MaskOf<R> differs_by_share(const Mat3<R>& now, const Mat3<R>& held, const R& share) {
+    R largest(0), largest_change(0);
+    for (int i = 0; i < 9; ++i) {
+        const R h = held.m[i / 3][i % 3];
+        largest = maximum(absolute(h), largest);
+        largest_change = maximum(absolute(now.m[i / 3][i % 3] - h), largest_change);
+    }
+    return !(largest_change <= share * largest);
+}
+
+/// What has changed by more than that; else what was held.
+template <class R>
+inline Mat3<R> changed_curvature(const Mat3<R>& now, const Mat3<R>& held, const R& share) {
+    return select(differs_by_share(now, held, share), now, held);
+}
+
 /// Lets the matrix have a sample's curvature as it is, in the masked lanes in which it differs from what the matrix
 /// has by more than a share of that.
 template <class R>
@@ -52,15 +70,9 @@ inline void put_in_matrix(SkinChunk<ScalarOf<R>>& c, std::size_t s, const Mat3<R
                           const R& share) {
     auto* held = &c.scratch.contact_in_matrix[9 * s * lane_width<R>];
     const Mat3<R> old = load_mat3<R>(held);
-    Mat3<R> change = curvature - old;
-    R largest(0), largest_change(0);
-    for (int i = 0; i < 9; ++i) {
-        largest = maximum(absolute(old.m[i / 3][i % 3]), largest);
-        largest_change = maximum(absolute(change.m[i / 3][i % 3]), largest_change);
-    }
-    const MaskOf<R> differs = lanes & !(largest_change <= share * largest);
+    const MaskOf<R> differs = lanes & differs_by_share(curvature, old, share);
     if (!any(differs)) return;
-    change = select(differs, change, Mat3<R>::zero());
+    const Mat3<R> change = select(differs, curvature - old, Mat3<R>::zero());
     store_mat3<R>(held, select(differs, curvature, old));
     if (!is_free_sample(*c.topology, s)) return add_sample_block_of_bone<R>(c, s, change);
     add_sample_block<R>(*c.topology, c.scratch.blocks.data(), s, change);
@@ -85,18 +97,68 @@ inline R contact_share_of(const SkinChunk<ScalarOf<R>>& c, const SolverSettings&
                   R(ScalarOf<R>(fitted::kept_contact_share)));
 }
 
+/// Calls visit(values) for the curvatures that bodies have at a sample in the last evaluation, one for each slot of
+/// any.
+template <class T, class Visit>
+inline void for_each_body_curvature(SkinChunk<T>& c, std::size_t s, Visit visit) {
+    const std::size_t W = std::size_t(c.width);
+    for (int slot = 0; slot < c.contacts.used; ++slot)
+        if (c.contacts.slot[std::size_t(slot)].body_lanes != 0)
+            visit(&c.exchange.slot_curvature[9 * (std::size_t(slot) * c.topology->sample_count() + s) * W]);
+}
+
 /// Curvature of all contacts of a sample at the last evaluation.
 template <class R>
-inline Mat3<R> contact_curvature(const SkinChunk<ScalarOf<R>>& c, std::size_t s) {
+inline Mat3<R> contact_curvature(SkinChunk<ScalarOf<R>>& c, std::size_t s) {
     constexpr int W = lane_width<R>;
     if (c.scratch.sample_curvature.empty()) return Mat3<R>::zero();  // no object has come near yet
     Mat3<R> sum = load_mat3<R>(&c.scratch.sample_curvature[9 * s * W]);
     if (!c.has_bodies || s >= samples_in_use<R>(c)) return sum;
-    for (int slot = 0; slot < c.contacts.used; ++slot)
-        if (any(load<R>(&c.scratch.slot_body[std::size_t(slot * W)]) > R(0)))
-            sum = sum + load_mat3<R>(
-                            &c.exchange.slot_curvature[9 * (std::size_t(slot) * c.topology->sample_count() + s) * W]);
+    for_each_body_curvature(c, s, [&](const auto* values) { sum = sum + load_mat3<R>(values); });
     return sum;
+}
+
+/// Lanes in which no more than one object has a curvature at a sample.
+template <class R>
+inline MaskOf<R> lanes_with_one_curvature(SkinChunk<ScalarOf<R>>& c, std::size_t s) {
+    const R none(0), one(1);
+    auto count = [&](const auto* values) {
+        const Mat3<R> K = load_mat3<R>(values);
+        return select(K[0][0] + K[1][1] + K[2][2] > none, one, none);
+    };
+    R objects = count(&c.scratch.sample_curvature[9 * s * lane_width<R>]);
+    for_each_body_curvature(c, s, [&](const auto* values) { objects += count(values); });
+    return objects <= one;
+}
+
+/// Where the matrix has kept another curvature of a sample than the last evaluation found, it is the one by which
+/// bodies are coupled, too: with one that differs, the condensed matrix need not be definite.
+template <class R>
+inline void take_curvature_of_matrix(SkinChunk<ScalarOf<R>>& c, std::size_t s, MaskOf<R> lanes) {
+    const Mat3<R> held = load_mat3<R>(&c.scratch.contact_in_matrix[9 * s * lane_width<R>]);
+    const R none(0);
+    auto take = [&](auto* values) {
+        const Mat3<R> K = load_mat3<R>(values);
+        store_mat3<R>(values, select(lanes & (K[0][0] + K[1][1] + K[2][2] > none), held, K));
+    };
+    take(&c.scratch.sample_curvature[9 * s * lane_width<R>]);
+    for_each_body_curvature(c, s, take);
+}
+
+/// Lets kept matrices have contacts as they are, but where those differ by less than a share.
+template <class R>
+inline void follow_in_matrix(SkinChunk<ScalarOf<R>>& c, MaskOf<R> kept, const R& share) {
+    const bool coupled = c.has_bodies && !c.scratch.sample_curvature.empty();
+    for (std::size_t s = 0; 9 * s * lane_width<R> < c.scratch.contact_in_matrix.size(); ++s) {
+        const Mat3<R> now = contact_curvature<R>(c, s);
+        if (!coupled || s >= samples_in_use<R>(c)) {
+            put_in_matrix<R>(c, s, now, kept, share);
+            continue;
+        }
+        const MaskOf<R> one = lanes_with_one_curvature<R>(c, s);
+        put_in_matrix<R>(c, s, now, kept, select(one, share, R(0)));
+        take_curvature_of_matrix<R>(c, s, kept & one);
+    }
 }
 
 /// After an evaluation with a matrix: notes what contact has added to it in the masked lanes, and whether it may be
@@ -178,8 +240,7 @@ inline Evaluation<R> evaluate_keeping(SkinChunk<ScalarOf<R>>& c, const SolverSet
     const MaskOf<R> keeping = mask_from_bits<R>(kept);
     auto* state = c.state.matrix_kept.data();
     store<R>(state, select(keeping, R(2), load<R>(state)));
-    for (std::size_t s = 0; 9 * s * lane_width<R> < c.scratch.contact_in_matrix.size(); ++s)
-        put_in_matrix<R>(c, s, contact_curvature<R>(c, s), keeping, request.share);
+    follow_in_matrix<R>(c, keeping, request.share);
     return e;
 }
 

@@ -21,7 +21,7 @@ struct CoupledKernel {
     void (*condense)(SkinChunk<T>&, unsigned lanes, Condense what);
     void (*direction)(SkinChunk<T>&, unsigned lanes, bool first);
     void (*restore)(SkinChunk<T>&, unsigned lanes);
-    void (*contact_residual)(SkinChunk<T>&, unsigned lanes);
+    void (*contact_residual)(SkinChunk<T>&, const SolverSettings&, unsigned lanes);
     void (*move)(SkinChunk<T>&, unsigned lanes, unsigned from_here);
     unsigned (*end)(SkinChunk<T>&, const SolverSettings&, unsigned failed, unsigned converged);
 };
