@@ -124,8 +124,8 @@ inline void solve_columns_forward(SkinChunk<ScalarOf<R>>& c) {
                 solve_supernodes_forward<R>(t.supernodes, c.scratch.panels.data(), columns + k * stride,
                                             c.scratch.panel_work.data());
         } else {
-            // As many at a time as fit the registers: AVX-512 has twice as many.
-            constexpr int at_once = sizeof(R) >= 64 ? 6 : 3;
+            // As many at a time as fit the registers: with AVX-512 there are twice as many, of any width.
+            constexpr int at_once = sizeof(FilledRegister<R>) >= 64 ? 6 : 3;
             for (int k = 0; k < 6; k += at_once)
                 solve_blocks_forward<at_once, R>(t.pattern, c.scratch.factor.data(), columns + k * stride, stride);
         }
