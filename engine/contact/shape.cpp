@@ -22,7 +22,12 @@ MeshPoint foot_point(const Shape& shape, const Vec3<double>& x,
     const double below = shape.foot - dot(shape.up, x);
     if (!(below > 0)) return distance(*shape.mesh, x);
     MeshPoint p = distance(*shape.mesh, x + below * shape.up);
-    p.normal -= dot(p.normal, shape.up) * shape.up;
+    // A wall that leans back goes on as it leans; an overhanging one, as edges of the smooth field are, straight down.
+    const double back = dot(p.normal, shape.up);
+    if (back > 0)
+        p.distance -= back * below;
+    else
+        p.normal -= back * shape.up;
     return p;
 }
 
