@@ -52,7 +52,7 @@ Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size
     const LaneContact& o = c.contacts.at(slot, lane);
     const T side = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * W + l];
     if (std::is_same_v<T, double> || o.finger >= 0)
-        return surface_point(o.shape, o.pose, sample_position(c, c.state.position, s, lane), int(side)).normal;
+        return surface_point(o.shape, o.pose, sample_position(c, c.state.position, s, lane), double(side)).normal;
     const Mat3<T> rotation = read_mat3(c.scratch.slot_frame, 24 * std::size_t(slot), W, l);
     const Vec3<T> position = read_point(c.scratch.slot_frame, 24 * std::size_t(slot) + 9, W, l);
     auto node = [&](int n) { return read_point(c.state.position, 3 * std::size_t(n), W, l); };
@@ -67,7 +67,7 @@ Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size
     const Vec3<T> local = transposed_times(rotation, x - position);
     if (o.shape.kind == ShapeKind::mesh && side >= T(covered_mesh)) {
         const Vec3<double> at{double(local.x), double(local.y), double(local.z)};
-        return rotation_matrix(o.pose.rotation) * foot_point(o.shape, at, mesh_contact_distance).normal;
+        return rotation_matrix(o.pose.rotation) * foot_point(o.shape, at, double(side), mesh_contact_distance).normal;
     }
     const Vec3<T> size{T(o.shape.size.x), T(o.shape.size.y), T(o.shape.size.z)};
     const Vec3<T> n =
@@ -161,7 +161,7 @@ void find_gaps(const SkinChunk<T>& c, int lane, ContactSurface& out) {
         for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
             const LaneContact& o = c.contacts.at(slot, lane);
             const std::size_t i = (std::size_t(slot) * c.topology->sample_count() + s) * std::size_t(c.width);
-            const int side = int(c.state.contact_side[i + std::size_t(lane)]);
+            const double side = double(c.state.contact_side[i + std::size_t(lane)]);
             double gap = surface_point(o.shape, o.pose, x, side).distance;
             if (!c.scratch.rise.empty())
                 gap -= double(c.scratch.rise[(std::size_t(slot) * out.gap.size() + s) * std::size_t(c.width) +

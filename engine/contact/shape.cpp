@@ -17,17 +17,14 @@ int side_of(const Shape& shape, const Vec3<double>& x, int before) {
     return x[axis] < 0 ? -1 - axis : 1 + axis;
 }
 
-MeshPoint foot_point(const Shape& shape, const Vec3<double>& x,
+MeshPoint foot_point(const Shape& shape, const Vec3<double>& x, double side,
                      MeshPoint (*distance)(const DistanceMesh&, const Vec3<double>&)) {
     const double below = shape.foot - dot(shape.up, x);
     if (!(below > 0)) return distance(*shape.mesh, x);
     MeshPoint p = distance(*shape.mesh, x + below * shape.up);
-    // A wall that leans back goes on as it leans; an overhanging one, as edges of the smooth field are, straight down.
-    const double back = dot(p.normal, shape.up);
-    if (back > 0)
-        p.distance -= back * below;
-    else
-        p.normal -= back * shape.up;
+    const double lean = side - std::floor(side);
+    p.distance -= lean * below;
+    p.normal -= (dot(p.normal, shape.up) - lean) * shape.up;
     return p;
 }
 

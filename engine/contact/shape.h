@@ -167,12 +167,12 @@ inline SurfacePoint<R> primitive_point(ShapeKind kind, const Vec3<R>& size, cons
 }
 
 /// The number of a point's side, or more, where it is at the foot of a mesh that stands on something: the mesh's lower
-/// face is no way out there.
+/// face is no way out there. What is beyond the whole number says how far its wall leans back (foot_point).
 inline constexpr int covered_mesh = 2;
 
-/// Distance and normal of a point at the foot of a mesh, by `distance` of higher up: its walls go straight down to what
-/// it stands on, although edges of a smooth field are round, and although the lower face is nearer.
-MeshPoint foot_point(const Shape& shape, const Vec3<double>& x,
+/// Distance and normal of a point at the foot of a mesh, by `distance` of higher up: its walls go on down to what it
+/// stands on as they lean, although edges of a smooth field are round, and although the lower face is nearer.
+MeshPoint foot_point(const Shape& shape, const Vec3<double>& x, double side,
                      MeshPoint (*distance)(const DistanceMesh&, const Vec3<double>&));
 
 /// Whether points remember the face of such a shape that they are on: box and cylinder (its ends), which may be thin.
@@ -222,16 +222,16 @@ inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>
 }
 /// The same for a point on one side of it.
 inline SurfacePoint<double> surface_point(const Shape& shape, const Pose<double>& pose, const Vec3<double>& x,
-                                          int side) {
+                                          double side) {
     const bool at_foot = shape.kind == ShapeKind::mesh && side >= covered_mesh;
     if (!at_foot && (side == 0 || !has_sides(shape.kind))) return surface_point(shape, pose, x);
     const Mat3<double> rotation = rotation_matrix(pose.rotation);
     const Vec3<double> local = transposed_times(rotation, x - pose.position);
     if (at_foot) {
-        const MeshPoint p = foot_point(shape, local, mesh_surface_distance);
+        const MeshPoint p = foot_point(shape, local, side, mesh_surface_distance);
         return {p.distance, rotation * p.normal};
     }
-    SurfacePoint<double> s = sided_point(shape.kind, shape.size, shape.round, local, double(side));
+    SurfacePoint<double> s = sided_point(shape.kind, shape.size, shape.round, local, side);
     s.normal = rotation * s.normal;
     return s;
 }

@@ -181,35 +181,38 @@ inline int wall_side(const Shape& shape, const Vec3<double>& x, int side) {
     return add_to_side(side, strict_side);
 }
 
-/// Whether a point x is at the foot of a mesh that stands on something (covered_mesh), whose surface is `over` [m]
-/// below the point, `up` the way from it: the mesh comes down to there, and a wall of it is where it is asked instead,
-/// at shape.foot, which is set where there is none yet (shape.up is 0). What comes from outside is at a foot; below a
-/// mesh that is round, or has a round edge, skin comes in as far as there is room. `distance_to_ground(point)`: from
-/// what it stands on; all in the mesh's frame.
+/// How far the wall of a mesh that stands on something leans back (the cosine between its normal and the way up; 0:
+/// not, or it overhangs) where a point x is at its foot (covered_mesh); below 0: it is not. The surface that it stands
+/// on is `over` [m] below the point, `up` the way from it: the mesh comes down to there, and its wall is where it is
+/// asked instead, at shape.foot, which is set where there is none yet (shape.up is 0). What comes from outside is at a
+/// foot; below a mesh that is round, or has a round edge, skin comes in as far as there is room.
+/// `distance_to_ground(point)`: from what it stands on; all in the mesh's frame.
 template <class DistanceToGround>
-bool is_at_foot(Shape& shape, const Vec3<double>& x, const Vec3<double>& up, double over, bool before, double travel,
-                DistanceToGround distance_to_ground) {
+double lean_at_foot(Shape& shape, const Vec3<double>& x, const Vec3<double>& up, double over, bool before,
+                    double travel, DistanceToGround distance_to_ground) {
     const DistanceMesh& mesh = *shape.mesh;
     const bool first = !(norm(shape.up) > 0);
     // As high as edges of the smooth field are round, or as half of the mesh is high.
     const double highest = std::max(fitted::round_foot * mesh.cell, fitted::bridge);
-    if (over > highest || over < -fitted::bridge / 2) return false;
-    if (!first && dot(up, shape.up) < fitted::one_ground) return false;
-    if (mesh_surface_distance(mesh, x).distance > travel + fitted::bridge) return false;
+    if (over > highest || over < -fitted::bridge / 2) return -1;
+    if (!first && dot(up, shape.up) < fitted::one_ground) return -1;
+    if (mesh_surface_distance(mesh, x).distance > travel + fitted::bridge) return -1;
     const Vec3<double> ground = x - over * up;
     const MeshPoint nearest = mesh_distance(mesh, ground);
-    if (std::abs(distance_to_ground(ground - nearest.distance * nearest.normal)) > fitted::level) return false;
-    const auto is_wall = [&](double height) {
+    if (std::abs(distance_to_ground(ground - nearest.distance * nearest.normal)) > fitted::level) return -1;
+    const auto lean_of_wall = [&](double height) {
         const MeshPoint p = mesh_distance(mesh, ground + height * up);
-        return std::abs(dot(p.normal, up)) < fitted::steep_wall && (before || p.distance > -fitted::bridge / 2);
+        const double lean = dot(p.normal, up);
+        if (std::abs(lean) >= fitted::steep_wall || (!before && p.distance <= -fitted::bridge / 2)) return -1.0;
+        return std::max(lean, 0.0);
     };
-    if (!first) return is_wall(shape.foot - dot(shape.up, ground));
+    if (!first) return lean_of_wall(shape.foot - dot(shape.up, ground));
     for (double height = highest; height > fitted::level; height /= 2)
-        if (is_wall(height)) {
+        if (const double lean = lean_of_wall(height); lean >= 0) {
             shape.up = up, shape.foot = dot(up, ground) + height;
-            return true;
+            return lean;
         }
-    return false;
+    return -1;
 }
 
 }  // namespace palpate

@@ -212,6 +212,92 @@ inline Lanes<T, W, Bits> square_root(Lanes<T, W, Bits> a) {
     return r;
 }
 
+namespace detail {
+/// Whether lanes are of a processor that rounds a product and a sum once: all with registers wider than 16 bytes.
+template <int Bits>
+inline constexpr bool fuses = Bits >= 256;
+
+/// c + a b, rounded once, in each form that the instructions have: the product or c negated.
+template <bool minus_product, bool minus_c, class V>
+inline V fused(V a, V b, V c) {
+#if defined(__FMA__)
+    constexpr bool of_float = std::is_same_v<std::decay_t<decltype(a[0])>, float>;
+    if constexpr (sizeof(V) == 16 && of_float) {
+        if constexpr (minus_product) return V(_mm_fnmadd_ps((__m128)a, (__m128)b, (__m128)c));
+        if constexpr (minus_c) return V(_mm_fmsub_ps((__m128)a, (__m128)b, (__m128)c));
+        return V(_mm_fmadd_ps((__m128)a, (__m128)b, (__m128)c));
+    } else if constexpr (sizeof(V) == 16) {
+        if constexpr (minus_product) return V(_mm_fnmadd_pd((__m128d)a, (__m128d)b, (__m128d)c));
+        if constexpr (minus_c) return V(_mm_fmsub_pd((__m128d)a, (__m128d)b, (__m128d)c));
+        return V(_mm_fmadd_pd((__m128d)a, (__m128d)b, (__m128d)c));
+    } else if constexpr (sizeof(V) == 32 && of_float) {
+        if constexpr (minus_product) return V(_mm256_fnmadd_ps((__m256)a, (__m256)b, (__m256)c));
+        if constexpr (minus_c) return V(_mm256_fmsub_ps((__m256)a, (__m256)b, (__m256)c));
+        return V(_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c));
+    } else if constexpr (sizeof(V) == 32) {
+        if constexpr (minus_product) return V(_mm256_fnmadd_pd((__m256d)a, (__m256d)b, (__m256d)c));
+        if constexpr (minus_c) return V(_mm256_fmsub_pd((__m256d)a, (__m256d)b, (__m256d)c));
+        return V(_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c));
+    } else {
+        static_assert(sizeof(V) == 64);
+#if defined(__AVX512F__)
+        if constexpr (of_float) {
+            if constexpr (minus_product) return V(_mm512_fnmadd_ps((__m512)a, (__m512)b, (__m512)c));
+            if constexpr (minus_c) return V(_mm512_fmsub_ps((__m512)a, (__m512)b, (__m512)c));
+            return V(_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c));
+        } else {
+            if constexpr (minus_product) return V(_mm512_fnmadd_pd((__m512d)a, (__m512d)b, (__m512d)c));
+            if constexpr (minus_c) return V(_mm512_fmsub_pd((__m512d)a, (__m512d)b, (__m512d)c));
+            return V(_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c));
+        }
+#endif
+    }
+#endif
+    constexpr std::size_t count = sizeof(V) / sizeof(a[0]);
+    for (std::size_t i = 0; i < count; ++i) c[i] = std::fma(minus_product ? -a[i] : a[i], b[i], minus_c ? -c[i] : c[i]);
+    return c;
+}
+}  // namespace detail
+
+/// c + a b, c - a b and a b - c. Lanes of wide registers (AVX2, AVX-512) round them once, all others twice: those of
+/// one instruction set give the same bits, however wide they are.
+template <class Real>
+inline Real plus_product(Real c, Real a, Real b) {
+    return c + a * b;
+}
+template <class Real>
+inline Real less_product(Real c, Real a, Real b) {
+    return c - a * b;
+}
+template <class Real>
+inline Real product_less(Real a, Real b, Real c) {
+    return a * b - c;
+}
+template <class T, int W, int Bits>
+requires(detail::fuses<Bits>) inline Lanes<T, W, Bits> plus_product(Lanes<T, W, Bits> c, Lanes<T, W, Bits> a,
+                                                                    Lanes<T, W, Bits> b) {
+    if constexpr (W == 1)
+        return std::fma(a.v, b.v, c.v);
+    else
+        return Lanes<T, W, Bits>(detail::fused<false, false>(a.v, b.v, c.v));
+}
+template <class T, int W, int Bits>
+requires(detail::fuses<Bits>) inline Lanes<T, W, Bits> less_product(Lanes<T, W, Bits> c, Lanes<T, W, Bits> a,
+                                                                    Lanes<T, W, Bits> b) {
+    if constexpr (W == 1)
+        return std::fma(-a.v, b.v, c.v);
+    else
+        return Lanes<T, W, Bits>(detail::fused<true, false>(a.v, b.v, c.v));
+}
+template <class T, int W, int Bits>
+requires(detail::fuses<Bits>) inline Lanes<T, W, Bits> product_less(Lanes<T, W, Bits> a, Lanes<T, W, Bits> b,
+                                                                    Lanes<T, W, Bits> c) {
+    if constexpr (W == 1)
+        return std::fma(a.v, b.v, -c.v);
+    else
+        return Lanes<T, W, Bits>(detail::fused<false, true>(a.v, b.v, c.v));
+}
+
 /// The larger of a and b; b where either is NaN.
 template <class Real>
 inline Real maximum(Real a, Real b) {

@@ -21,11 +21,11 @@ struct Vec3 {
 
 template <class R>
 inline R dot(const Vec3<R>& a, const Vec3<R>& b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
+    return plus_product(plus_product(a.x * b.x, a.y, b.y), a.z, b.z);
 }
 template <class R>
 inline Vec3<R> cross(const Vec3<R>& a, const Vec3<R>& b) {
-    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return {product_less(a.y, b.z, a.z * b.y), product_less(a.z, b.x, a.x * b.z), product_less(a.x, b.y, a.y * b.x)};
 }
 template <class R>
 inline R norm(const Vec3<R>& a) {
@@ -79,13 +79,13 @@ struct Mat3 {
         Mat3 c;
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)
-                c.m[i][j] = a.m[i][0] * b.m[0][j] + a.m[i][1] * b.m[1][j] + a.m[i][2] * b.m[2][j];
+                c.m[i][j] =
+                    plus_product(plus_product(a.m[i][0] * b.m[0][j], a.m[i][1], b.m[1][j]), a.m[i][2], b.m[2][j]);
         return c;
     }
     friend Vec3<R> operator*(const Mat3& a, const Vec3<R>& v) {
-        return {a.m[0][0] * v.x + a.m[0][1] * v.y + a.m[0][2] * v.z,
-                a.m[1][0] * v.x + a.m[1][1] * v.y + a.m[1][2] * v.z,
-                a.m[2][0] * v.x + a.m[2][1] * v.y + a.m[2][2] * v.z};
+        const auto row = [&](const R* r) { return dot(Vec3<R>{r[0], r[1], r[2]}, v); };
+        return {row(a.m[0]), row(a.m[1]), row(a.m[2])};
     }
 };
 
@@ -108,14 +108,14 @@ template <class R>
 inline Mat3<R> times_transposed(const Mat3<R>& a, const Mat3<R>& b) {
     Mat3<R> c;
     for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) c.m[i][j] = a.m[i][0] * b.m[j][0] + a.m[i][1] * b.m[j][1] + a.m[i][2] * b.m[j][2];
+        for (int j = 0; j < 3; ++j)
+            c.m[i][j] = plus_product(plus_product(a.m[i][0] * b.m[j][0], a.m[i][1], b.m[j][1]), a.m[i][2], b.m[j][2]);
     return c;
 }
 /// a^T v.
 template <class R>
 inline Vec3<R> transposed_times(const Mat3<R>& a, const Vec3<R>& v) {
-    return {a.m[0][0] * v.x + a.m[1][0] * v.y + a.m[2][0] * v.z, a.m[0][1] * v.x + a.m[1][1] * v.y + a.m[2][1] * v.z,
-            a.m[0][2] * v.x + a.m[1][2] * v.y + a.m[2][2] * v.z};
+    return {dot(a.column(0), v), dot(a.column(1), v), dot(a.column(2), v)};
 }
 template <class R>
 inline Mat3<R> outer(const Vec3<R>& a, const Vec3<R>& b) {

@@ -41,26 +41,27 @@ inline R trace(const Symmetric3<R>& a) {
 /// a b where the two commute, so that the product is symmetric, too.
 template <class R>
 inline Symmetric3<R> commuting_product(const Symmetric3<R>& a, const Symmetric3<R>& b) {
-    return {a.xx * b.xx + a.xy * b.xy + a.xz * b.xz, a.xy * b.xx + a.yy * b.xy + a.yz * b.xz,
-            a.xy * b.xy + a.yy * b.yy + a.yz * b.yz, a.xz * b.xx + a.yz * b.xy + a.zz * b.xz,
-            a.xz * b.xy + a.yz * b.yy + a.zz * b.yz, a.xz * b.xz + a.yz * b.yz + a.zz * b.zz};
+    const Vec3<R> ax{a.xx, a.xy, a.xz}, ay{a.xy, a.yy, a.yz}, az{a.xz, a.yz, a.zz}, bx{b.xx, b.xy, b.xz},
+        by{b.xy, b.yy, b.yz}, bz{b.xz, b.yz, b.zz};
+    return {dot(ax, bx), dot(ay, bx), dot(ay, by), dot(az, bx), dot(az, by), dot(az, bz)};
 }
 
 /// Whether a is positive definite (Sylvester's criterion).
 template <class R>
 inline MaskOf<R> positive_definite(const Symmetric3<R>& a) {
-    const R zero(0), second = a.xx * a.yy - a.xy * a.xy;
-    const R p = a.xz * a.yy - a.xy * a.yz, q = a.xx * a.yz - a.xy * a.xz;
-    const R determinant = second * a.zz - q * a.yz - p * a.xz;
+    const R zero(0), second = product_less(a.xx, a.yy, a.xy * a.xy);
+    const R p = product_less(a.xz, a.yy, a.xy * a.yz), q = product_less(a.xx, a.yz, a.xy * a.xz);
+    const R determinant = less_product(less_product(second * a.zz, q, a.yz), p, a.xz);
     return (a.xx > zero) & (second > zero) & (determinant > zero);
 }
 
 /// The inverse of a matrix whose determinant is positive: of one that is below `least`, as if it were that.
 template <class R>
 inline Symmetric3<R> inverse_of_positive(const Symmetric3<R>& a, const R& least) {
-    const Symmetric3<R> cofactors{a.yy * a.zz - a.yz * a.yz, a.xz * a.yz - a.xy * a.zz, a.xx * a.zz - a.xz * a.xz,
-                                  a.xy * a.yz - a.xz * a.yy, a.xy * a.xz - a.xx * a.yz, a.xx * a.yy - a.xy * a.xy};
-    const R determinant = a.xx * cofactors.xx + a.xy * cofactors.xy + a.xz * cofactors.xz;
+    const Symmetric3<R> cofactors{product_less(a.yy, a.zz, a.yz * a.yz), product_less(a.xz, a.yz, a.xy * a.zz),
+                                  product_less(a.xx, a.zz, a.xz * a.xz), product_less(a.xy, a.yz, a.xz * a.yy),
+                                  product_less(a.xy, a.xz, a.xx * a.yz), product_less(a.xx, a.yy, a.xy * a.xy)};
+    const R determinant = plus_product(plus_product(a.xx * cofactors.xx, a.xy, cofactors.xy), a.xz, cofactors.xz);
     return (R(1) / maximum(determinant, least)) * cofactors;
 }
 
@@ -100,14 +101,15 @@ inline void search_on(RotationSearch<R>& s, int k) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) {
             const int p = (i + 1) % 3, q = (i + 2) % 3, u = (j + 1) % 3, v = (j + 2) % 3;
-            C.m[i][j] = s.Q.m[p][u] * s.Q.m[q][v] - s.Q.m[p][v] * s.Q.m[q][u];
+            C.m[i][j] = product_less(s.Q.m[p][u], s.Q.m[q][v], s.Q.m[p][v] * s.Q.m[q][u]);
         }
-    const R determinant = s.Q.m[0][0] * C.m[0][0] + s.Q.m[0][1] * C.m[0][1] + s.Q.m[0][2] * C.m[0][2];
+    const R determinant =
+        plus_product(plus_product(s.Q.m[0][0] * C.m[0][0], s.Q.m[0][1], C.m[0][1]), s.Q.m[0][2], C.m[0][2]);
     if (k == 0) s.upright = determinant > R(T(0.05));
     const R inverse = half / determinant;
     for (int i = 0; i < 9; ++i) {
         R& of_Q = s.Q.m[i / 3][i % 3];
-        const R next = half * of_Q + inverse * C.m[i / 3][i % 3];
+        const R next = plus_product(half * of_Q, inverse, C.m[i / 3][i % 3]);
         of_Q = k <= unchecked ? next : select(s.running, next, of_Q);
     }
     if (k >= unchecked) s.running = s.running & s.upright & !MaskOf<R>(determinant - R(1) <= done_below);

@@ -29,15 +29,15 @@ inline void orthogonalise_columns(Mat3<R>& B, Mat3<R>& V, int p, int q, MaskOf<R
     converged = converged & !rotate;
     // The smaller rotation angle that zeroes apq: tan = b / (|d| + hypot(d, b)), with the sign of d.
     const R d = aqq - app, b = R(2) * apq;
-    const R long_side = absolute(d) + square_root(d * d + b * b);
-    const R scale = R(1) / select(rotate, square_root(long_side * long_side + b * b), R(1));
+    const R long_side = absolute(d) + square_root(plus_product(d * d, b, b));
+    const R scale = R(1) / select(rotate, square_root(plus_product(long_side * long_side, b, b)), R(1));
     const R c = select(rotate, scale * long_side, R(1));
     const R s = select(rotate, scale * select(d < R(0), -b, b), R(0));
     for (Mat3<R>* A : {&B, &V})
         for (int i = 0; i < 3; ++i) {
             const R ap = A->m[i][p], aq = A->m[i][q];
-            A->m[i][p] = c * ap - s * aq;
-            A->m[i][q] = s * ap + c * aq;
+            A->m[i][p] = product_less(c, ap, s * aq);
+            A->m[i][q] = plus_product(s * ap, c, aq);
         }
 }
 

@@ -152,8 +152,11 @@ void exchange(Archive& a, SkinChunk<T>& c, const Table<VirtualObject>& shapes) {
     for_each_field(c, [&](auto& numbers, const Field& f) {
         if (f.role != Role::scratch) array(a, numbers);
     });
-    // Factors are no part of it.
-    if (Archive::reads) std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
+    if (!Archive::reads) return;
+    // Factors are no part of it, nor which multipliers are zero.
+    std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
+    for (auto* lanes : {&c.scratch.loaded_limits, &c.scratch.candidate_limits})
+        std::fill(lanes->begin(), lanes->end(), all_lanes);
 }
 
 template <class Archive>

@@ -24,7 +24,12 @@ void resize_fields(SkinChunk<T>& c) {
     ContactSlots& s = c.contacts;
     s.slot.resize(std::size_t(s.capacity));
     s.lane_contact.resize(std::size_t(s.capacity * c.width));
-    if (c.has_limits) c.scratch.noted_limits.reserve(c.topology->limit_count());
+    if (c.has_limits) {
+        const std::size_t limits = c.topology->limit_count();
+        c.scratch.noted_limits.reserve(limits);
+        c.scratch.loaded_limits.resize(limits, all_lanes);
+        c.scratch.candidate_limits.resize(has_own_work(c) ? limits : 0, all_lanes);
+    }
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     for_each_field(c, [&](auto& array, const Field& f) {
         array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -118,6 +119,9 @@ struct SkinScratch {
     LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation; empty if corotational
     std::vector<unsigned char> changed_columns;  ///< [column] of the matrix: 1 = not what the factor was made from
     std::vector<NotedLimit> noted_limits;  ///< of the running evaluation; memory for every element where limits are
+    /// [limit] Bits of the lanes whose multiplier, and whose candidate, may be other than zero: few are, and the others
+    /// are not looked at. The first are counted as a step begins; the second go with limit_candidate.
+    std::vector<std::uint16_t> loaded_limits, candidate_limits;
 };
 
 /// When the tissue of a lane is linearised: in steps whose number its period divides, which is a power of two, so that
@@ -266,6 +270,9 @@ struct SkinParameters {
     double limit_penalty_factor = 100;          ///< penalty = factor x Young's modulus
     double contact_penalty_factor = 30;         ///< penalty = factor x Young's modulus x sample spacing
 };
+
+/// Bits of as many lanes as a chunk may have.
+inline constexpr std::uint16_t all_lanes = 0xffff;
 
 /// Allocates every array of a chunk, with memory for a few objects near each lane: nothing is allocated later but by
 /// insert_contact.

@@ -175,9 +175,9 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
 }
 
 /// The number of a sample's side to a mesh: 1 where it is through a wall (nodes_through_walls), and covered_mesh more
-/// at the foot of a mesh that stands on something. `x`: the sample, world.
+/// at the foot of a mesh that stands on something, and how its wall leans. `x`: the sample, world.
 template <class T>
-int side_of_mesh(SkinChunk<T>& c, int slot, int lane, const Vec3<double>& x, int before, double travel) {
+double side_of_mesh(SkinChunk<T>& c, int slot, int lane, const Vec3<double>& x, int before, double travel) {
     LaneContact& o = c.contacts.at(slot, lane);
     const Vec3<double> local = inverse_transform(o.start, x);
     const int through = before % covered_mesh;
@@ -189,8 +189,9 @@ int side_of_mesh(SkinChunk<T>& c, int slot, int lane, const Vec3<double>& x, int
         const auto distance_to_ground = [&](const Vec3<double>& point) {
             return surface_point(other.shape, other.start, transform(o.start, point)).distance;
         };
-        if (is_at_foot(o.shape, local, up, ground.distance, before >= covered_mesh, travel, distance_to_ground))
-            return through + covered_mesh;
+        const double lean =
+            lean_at_foot(o.shape, local, up, ground.distance, before >= covered_mesh, travel, distance_to_ground);
+        if (lean >= 0) return through + covered_mesh + lean;
     }
     return through;
 }
@@ -227,11 +228,11 @@ void begin_samples(SkinChunk<T>& c, int slot, int lane, const SolverSettings& se
             const Vec3<double> coasting{double(v[0]), double(v[c.width]), double(v[2 * c.width])};
             const Vec3<double> local = inverse_transform(o.start, x);
             const double travel = norm(inverse_transform(o.pose, x + settings.dt * coasting) - local);
-            side = T(sided ? side_of_sample(c, slot, lane, s, local, int(side), travel, wraps)
-                           : side_of_mesh(c, slot, lane, x, int(side), travel));
+            side = sided ? T(side_of_sample(c, slot, lane, s, local, int(side), travel, wraps))
+                         : T(side_of_mesh(c, slot, lane, x, int(side), travel));
         }
         if (!bulges && (soft || !touched || !settings.inertia)) continue;
-        const SurfacePoint<double> near = surface_point(o.shape, o.start, x, int(side));
+        const SurfacePoint<double> near = surface_point(o.shape, o.start, x, double(side));
         double depth = -near.distance;
         if (bulges) depth += set_rise(c, slot, lane, s, near.normal);
         if (soft || !touched || !settings.inertia) continue;
@@ -310,7 +311,7 @@ void end_slots(SkinChunk<T>& c, const SolverSettings& settings) {
                 status.converged = false;
                 status.penetration_m = std::max(status.penetration_m, left);
                 const Vec3<double> x = node_position(c, t.samples[k], lane);
-                const Vec3<double> n = surface_point(o.shape, o.pose, x, int(c.state.contact_side[i])).normal;
+                const Vec3<double> n = surface_point(o.shape, o.pose, x, double(c.state.contact_side[i])).normal;
                 T* v = &c.state.velocity[std::size_t(3 * t.samples[k] * c.width + lane)];
                 const double out = v[0] * n.x + v[c.width] * n.y + v[2 * c.width] * n.z;
                 const double taken = std::clamp(out, 0.0, 2 * settings.recovery_speed);

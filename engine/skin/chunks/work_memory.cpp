@@ -34,6 +34,7 @@ SkinChunk<T> work_of(const SkinChunk<T>& like) {
         if (f.role == Role::work) array.resize(numbers_per_lane(f, 0) * std::size_t(c.width));
     });
     c.scratch.changed_columns.resize(like.scratch.changed_columns.size());
+    c.scratch.candidate_limits.resize(like.scratch.loaded_limits.size(), all_lanes);
     return c;
 }
 
@@ -72,6 +73,7 @@ void trade_work(SkinChunk<T>& c, SkinChunk<T>& memory, bool with_matrix) {
         if (f.role == Role::work) std::swap(a, b);
     });
     std::swap(c.scratch.changed_columns, memory.scratch.changed_columns);
+    std::swap(c.scratch.candidate_limits, memory.scratch.candidate_limits);
     if (!with_matrix) return;
     std::swap(c.scratch.blocks, memory.scratch.blocks);
     std::swap(c.scratch.contact_in_matrix, memory.scratch.contact_in_matrix);

@@ -22,13 +22,13 @@ inline Mat3<R> factor_diagonal(const Mat3<R>& S, R& bad_pivots) {
                     R(std::numeric_limits<T>::min() * T(1e10));
     for (int j = 0; j < 3; ++j) {
         R pivot = S[j][j];
-        for (int k = 0; k < j; ++k) pivot -= L[j][k] * L[j][k];
+        for (int k = 0; k < j; ++k) pivot = less_product(pivot, L[j][k], L[j][k]);
         const MaskOf<R> good = pivot > floor;
         bad_pivots += select(good, R(0), R(1));
         L[j][j] = R(1) / square_root(select(good, pivot, floor));
         for (int i = j + 1; i < 3; ++i) {
             R s = S[i][j];
-            for (int k = 0; k < j; ++k) s -= L[i][k] * L[j][k];
+            for (int k = 0; k < j; ++k) s = less_product(s, L[i][k], L[j][k]);
             L[i][j] = s * L[j][j];
         }
     }
@@ -42,7 +42,7 @@ inline Mat3<R> solve_right_transposed(const Mat3<R>& S, const Mat3<R>& L) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) {
             R s = S[i][j];
-            for (int k = 0; k < j; ++k) s -= X[i][k] * L[j][k];
+            for (int k = 0; k < j; ++k) s = less_product(s, X[i][k], L[j][k]);
             X[i][j] = s * L[j][j];
         }
     return X;
@@ -63,7 +63,8 @@ inline void subtract_product_transposed(R (&S)[9], const ScalarOf<R>* A, const S
 #pragma GCC unroll 3
         for (int i = diagonal ? j : 0; i < 3; ++i) {
             const ScalarOf<R>* a = A + 3 * i * W;
-            S[3 * i + j] -= load<R>(a) * b0 + load<R>(a + W) * b1 + load<R>(a + 2 * W) * b2;
+            R& s = S[3 * i + j];
+            s = less_product(less_product(less_product(s, load<R>(a), b0), load<R>(a + W), b1), load<R>(a + 2 * W), b2);
         }
     }
 }
@@ -113,6 +114,31 @@ inline R factor_blocks(const BlockPattern& p, const ScalarOf<R>* blocks, ScalarO
     return bad_pivots;
 }
 
+namespace detail {
+
+/// y <- L^-1 y for a factored diagonal block.
+template <class R>
+inline void solve_lower(const Mat3<R>& L, Vec3<R>& y) {
+    y.x = y.x * L[0][0];
+    y.y = less_product(y.y, L[1][0], y.x) * L[1][1];
+    y.z = less_product(less_product(y.z, L[2][0], y.x), L[2][1], y.y) * L[2][2];
+}
+/// v - A y, column after column of A.
+template <class R>
+inline Vec3<R> less_times(Vec3<R> v, const Mat3<R>& A, const Vec3<R>& y) {
+    for (int i = 0; i < 3; ++i)
+        v[i] = less_product(less_product(less_product(v[i], A[i][0], y.x), A[i][1], y.y), A[i][2], y.z);
+    return v;
+}
+/// A^T v whose products are rounded, as where a register of them is added up across (sums_of_threes).
+template <class R>
+inline Vec3<R> transposed_times_unfused(const Mat3<R>& A, const Vec3<R>& v) {
+    return {A[0][0] * v.x + A[1][0] * v.y + A[2][0] * v.z, A[0][1] * v.x + A[1][1] * v.y + A[2][1] * v.z,
+            A[0][2] * v.x + A[1][2] * v.y + A[2][2] * v.z};
+}
+
+}  // namespace detail
+
 /// Solves L y = b in place; b is [column][xyz][lane] in elimination order.
 template <class R>
 inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
@@ -121,13 +147,11 @@ inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* facto
     for (int j = 0; j < p.columns; ++j) {
         const Mat3<R> L = block(p.column_start[j]);
         Vec3<R> y = load_vec3<R>(b + j * W3);
-        y.x = y.x * L[0][0];
-        y.y = (y.y - L[1][0] * y.x) * L[1][1];
-        y.z = (y.z - L[2][0] * y.x - L[2][1] * y.y) * L[2][2];
+        detail::solve_lower(L, y);
         store_vec3<R>(b + j * W3, y);
         for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k) {
             ScalarOf<R>* target = b + p.row[k] * W3;
-            store_vec3<R>(target, load_vec3<R>(target) - block(k) * y);
+            store_vec3<R>(target, detail::less_times(load_vec3<R>(target), block(k), y));
         }
     }
 }
@@ -148,16 +172,14 @@ inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* facto
         if (!any(size > R(0))) continue;
         const Mat3<R> L = block(p.column_start[j]);
         for (int c = 0; c < count; ++c) {
-            y[c].x = y[c].x * L[0][0];
-            y[c].y = (y[c].y - L[1][0] * y[c].x) * L[1][1];
-            y[c].z = (y[c].z - L[2][0] * y[c].x - L[2][1] * y[c].y) * L[2][2];
+            detail::solve_lower(L, y[c]);
             store_vec3<R>(b + c * stride + j * W3, y[c]);
         }
         for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k) {
             const Mat3<R> B = block(k);
             for (int c = 0; c < count; ++c) {
                 ScalarOf<R>* target = b + c * stride + p.row[k] * W3;
-                store_vec3<R>(target, load_vec3<R>(target) - B * y[c]);
+                store_vec3<R>(target, detail::less_times(load_vec3<R>(target), B, y[c]));
             }
         }
     }
@@ -171,11 +193,11 @@ inline void solve_blocks_backward(const BlockPattern& p, const ScalarOf<R>* fact
     for (int j = p.columns - 1; j >= 0; --j) {
         Vec3<R> y = load_vec3<R>(b + j * W3);
         for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k)
-            y -= transposed_times(block(k), load_vec3<R>(b + p.row[k] * W3));
+            y -= detail::transposed_times_unfused(block(k), load_vec3<R>(b + p.row[k] * W3));
         const Mat3<R> L = block(p.column_start[j]);
         y.z = y.z * L[2][2];
-        y.y = (y.y - L[2][1] * y.z) * L[1][1];
-        y.x = (y.x - L[1][0] * y.y - L[2][0] * y.z) * L[0][0];
+        y.y = less_product(y.y, L[2][1], y.z) * L[1][1];
+        y.x = less_product(less_product(y.x, L[1][0], y.y), L[2][0], y.z) * L[0][0];
         store_vec3<R>(b + j * W3, y);
     }
 }

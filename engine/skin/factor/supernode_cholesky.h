@@ -31,7 +31,8 @@ inline void subtract_products(T* target, std::size_t target_stride, const T* sou
             for (int c = 0; c < C; ++c) {
                 const T* b = a + block_row + c;
                 const V b0(b[0]), b1(b[source_stride]), b2(b[2 * source_stride]);
-                for (int n = 0; n < N; ++n) S[n][c] -= A[n][0] * b0 + A[n][1] * b1 + A[n][2] * b2;
+                for (int n = 0; n < N; ++n)
+                    S[n][c] = less_product(less_product(less_product(S[n][c], A[n][0], b0), A[n][1], b1), A[n][2], b2);
             }
         }
         for (int n = 0; n < N; ++n)
@@ -114,8 +115,8 @@ inline void factor_panel(const Supernode& s, ScalarOf<R>* panel, R& bad_pivots) 
             l21(lane(L[2][1], 0)), l22(lane(L[2][2], 0));
         for (int i = first; i < rows; i += W) {
             const V x0 = load<V>(column + i) * l00;
-            const V x1 = (load<V>(column + stride + i) - x0 * l10) * l11;
-            const V x2 = (load<V>(column + 2 * stride + i) - x0 * l20 - x1 * l21) * l22;
+            const V x1 = less_product(load<V>(column + stride + i), x0, l10) * l11;
+            const V x2 = less_product(less_product(load<V>(column + 2 * stride + i), x0, l20), x1, l21) * l22;
             store(column + i, x0);
             store(column + stride + i, x1);
             store(column + 2 * stride + i, x2);
@@ -189,13 +190,18 @@ inline void solve_supernodes_forward(const SupernodeFactor& f, const ScalarOf<R>
             const T* c0 = panels + s.panel + std::size_t(3 * j) * s.stride;
             const T *c1 = c0 + s.stride, *c2 = c1 + s.stride;
             T* y = work + 3 * j;
-            y[0] = y[0] * c0[3 * j];
-            y[1] = (y[1] - c0[3 * j + 1] * y[0]) * c1[3 * j + 1];
-            y[2] = (y[2] - c0[3 * j + 2] * y[0] - c1[3 * j + 2] * y[1]) * c2[3 * j + 2];
+            Vec3<R> own{R(y[0]), R(y[1]), R(y[2])};
+            const R o(0);
+            detail::solve_lower(Mat3<R>{{{R(c0[3 * j]), o, o},
+                                         {R(c0[3 * j + 1]), R(c1[3 * j + 1]), o},
+                                         {R(c0[3 * j + 2]), R(c1[3 * j + 2]), R(c2[3 * j + 2])}}},
+                                own);
+            y[0] = lane(own.x, 0), y[1] = lane(own.y, 0), y[2] = lane(own.z, 0);
             const V y0(y[0]), y1(y[1]), y2(y[2]);
             for (int i = 3 * (j + 1); i < 3 * s.row_count; i += W)
-                store(work + i,
-                      load<V>(work + i) - (load<V>(c0 + i) * y0 + load<V>(c1 + i) * y1 + load<V>(c2 + i) * y2));
+                store(work + i, less_product(less_product(less_product(load<V>(work + i), load<V>(c0 + i), y0),
+                                                          load<V>(c1 + i), y1),
+                                             load<V>(c2 + i), y2));
         }
         for (int i = 0; i < s.row_count; ++i)
             std::memcpy(b + 3 * std::size_t(f.rows[s.first_row + i]), work + 3 * i, 3 * sizeof(T));
@@ -268,9 +274,10 @@ inline void solve_supernodes_backward(const SupernodeFactor& f, const ScalarOf<R
             detail::subtract_column_products<Lanes<T, 1, 0>>(y, c0 + 3 * (j + 1), s->stride, y + 3, own);
             const int first = 3 * s->column_count;
             detail::subtract_column_products<V>(y, c0 + first, s->stride, work + first, below);
-            y[2] = y[2] * c2[3 * j + 2];
-            y[1] = (y[1] - c1[3 * j + 2] * y[2]) * c1[3 * j + 1];
-            y[0] = (y[0] - c0[3 * j + 1] * y[1] - c0[3 * j + 2] * y[2]) * c0[3 * j];
+            const R y2 = R(y[2]) * R(c2[3 * j + 2]);
+            const R y1 = less_product(R(y[1]), R(c1[3 * j + 2]), y2) * R(c1[3 * j + 1]);
+            const R y0 = less_product(less_product(R(y[0]), R(c0[3 * j + 1]), y1), R(c0[3 * j + 2]), y2) * R(c0[3 * j]);
+            y[0] = lane(y0, 0), y[1] = lane(y1, 0), y[2] = lane(y2, 0);
         }
         std::memcpy(b + 3 * std::size_t(s->first_column), work, std::size_t(3 * s->column_count) * sizeof(T));
     }

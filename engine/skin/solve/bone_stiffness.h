@@ -42,13 +42,14 @@ inline BlockRows<V> transpose(const BlockRows<V>& K) {
 /// The cross product of a with every column.
 template <class V>
 inline BlockRows<V> cross_columns(const Vec3<V>& a, const BlockRows<V>& K) {
-    return {{a.y * K.row[2] - a.z * K.row[1], a.z * K.row[0] - a.x * K.row[2], a.x * K.row[1] - a.y * K.row[0]}};
+    return {{product_less(a.y, K.row[2], a.z * K.row[1]), product_less(a.z, K.row[0], a.x * K.row[2]),
+             product_less(a.x, K.row[1], a.y * K.row[0])}};
 }
 
 /// Lanes for the rows of a block.
 template <class R>
 struct BlockRowLanes {
-    using type = Lanes<R, 4>;
+    using type = Lanes<R, 4, 128>;  // no code of wider processors
 };
 template <class T, int Bits>
 struct BlockRowLanes<Lanes<T, 1, Bits>> {

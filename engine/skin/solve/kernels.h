@@ -35,7 +35,8 @@ struct Kernel {
     CoupledKernel<T> coupled = {};
 };
 
-/// The kernels for one instruction set, from narrow to wide. All sets give the same bits.
+/// The kernels for one instruction set, from narrow to wide. AVX2 and AVX-512 give the same bits; the plain ones, which
+/// fuse no products, differ in the last digits.
 struct KernelSet {
     const char* instructions;
     std::array<Kernel<double>, 3> for_double;

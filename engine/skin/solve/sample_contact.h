@@ -68,9 +68,9 @@ inline SurfacePoint<R> mesh_points(const SkinChunk<ScalarOf<R>>& c, int slot, st
         if (!((lanes >> l) & 1u)) continue;
         const Shape& shape = c.contacts.at(slot, l).shape;
         const Vec3<double> at{double(lane(x.x, l)), double(lane(x.y, l)), double(lane(x.z, l))};
-        const bool at_foot = c.state.contact_side[sample * W + std::size_t(l)] >= T(covered_mesh);
-        const MeshPoint p =
-            at_foot ? foot_point(shape, at, mesh_contact_distance) : mesh_contact_distance(*shape.mesh, at);
+        const double side = double(c.state.contact_side[sample * W + std::size_t(l)]);
+        const MeshPoint p = side >= covered_mesh ? foot_point(shape, at, side, mesh_contact_distance)
+                                                 : mesh_contact_distance(*shape.mesh, at);
         values[l] = T(p.distance);
         values[W + l] = T(p.normal.x), values[2 * W + l] = T(p.normal.y), values[3 * W + l] = T(p.normal.z);
     }

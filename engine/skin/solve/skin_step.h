@@ -106,7 +106,11 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     if (!c.has_limits || c.limits.unloaded) return;
     for (std::size_t e = 0; e < t.limit_count(); ++e) {
         T* p = &c.state.limit_multiplier[9 * e * W];
-        store_mat3<R>(p, rotation * load_mat3<R>(p));
+        R largest(0);
+        for (int i = 0; i < 9; ++i) largest = maximum(absolute(load<R>(p + i * W)), largest);
+        const unsigned loaded = bits_from_mask<R>(largest > R(0));
+        c.scratch.loaded_limits[e] = std::uint16_t(loaded);
+        if (loaded != 0) store_mat3<R>(p, rotation * load_mat3<R>(p));
     }
 }
 
@@ -117,8 +121,7 @@ inline void clear_unwatched_candidates(SkinChunk<ScalarOf<R>>& c) {
     const MaskOf<R> linear = mask_from_bits<R>(c.linear_lanes);
     for (std::size_t e = 0; e < c.topology->limit_count(); ++e) {
         const MaskOf<R> unwatched = linear & (load<R>(&c.linear.watched[e * W]) <= R(0));
-        auto* candidate = &c.scratch.limit_candidate[9 * e * W];
-        if (any(unwatched)) store_mat3<R>(candidate, select(unwatched, Mat3<R>::zero(), load_mat3<R>(candidate)));
+        clear_candidate<R>(c, e, bits_from_mask<R>(unwatched));
     }
 }
 
@@ -133,9 +136,16 @@ inline void update_multipliers(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     };
     if (c.has_limits && !(c.limits.unloaded && c.limits.candidates_clear)) {
         if (c.linear_lanes != 0) clear_unwatched_candidates<R>(c);
-        take(c.state.limit_multiplier, c.scratch.limit_candidate, 0, 9 * c.topology->limit_count());
-        const bool all_lanes = (bits_from_mask<R>(lanes) & c.used_lanes) == c.used_lanes;
-        c.limits.unloaded = (all_lanes || c.limits.unloaded) && c.limits.candidates_clear;
+        const unsigned bits = bits_from_mask<R>(lanes);
+        for (std::size_t e = 0; e < c.topology->limit_count(); ++e) {
+            std::uint16_t& loaded = c.scratch.loaded_limits[e];
+            const unsigned now = c.scratch.candidate_limits[e];
+            if (((loaded | now) & bits) == 0) continue;
+            take(c.state.limit_multiplier, c.scratch.limit_candidate, 9 * e, 9);
+            loaded = std::uint16_t((loaded & ~bits) | (now & bits));
+        }
+        const bool of_all = (bits & c.used_lanes) == c.used_lanes;
+        c.limits.unloaded = (of_all || c.limits.unloaded) && c.limits.candidates_clear;
     }
     const std::size_t S = c.topology->sample_count();
     for (int slot = 0; slot < c.contacts.used; ++slot) {

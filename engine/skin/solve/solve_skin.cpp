@@ -13,7 +13,7 @@ const KernelSet& best_kernels() {
         if (avx512_kernels.instructions && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
             __builtin_cpu_supports("avx512dq"))
             return avx512_kernels;
-        return __builtin_cpu_supports("avx2") ? avx2_kernels : plain_kernels;
+        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? avx2_kernels : plain_kernels;
     }();
     return best;
 #else

@@ -97,7 +97,7 @@ inline void corotational_force(const Corotated<Q>& s, const Q& mu, const Q& pres
     const Q twice_mu = Q(2) * mu * s.volume, around = pressure * s.volume;
     Mat3<Q> P;
     for (int i = 0; i < 9; ++i)
-        P.m[i / 3][i % 3] = around * s.rotation.m[i / 3][i % 3] + twice_mu * s.strained.m[i / 3][i % 3];
+        P.m[i / 3][i % 3] = plus_product(around * s.rotation.m[i / 3][i % 3], twice_mu, s.strained.m[i / 3][i % 3]);
     for (int a = 0; a < 3; ++a) out[a + 1] = P * s.g[a];
     out[0] = -(out[1] + out[2] + out[3]);
 }
@@ -146,8 +146,8 @@ inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], co
 #pragma GCC unroll 3
                 for (int i = a == b ? j : 0; i < 3; ++i) {
                     const int p = (i + 1) % 3, q = (i + 2) % 3;
-                    Q entry = n[p] * v[q] - n[q] * v[p];
-                    if constexpr (own_volume) entry += v[i] * stretched[j];
+                    Q entry = product_less(n[p], v[q], n[q] * v[p]);
+                    if constexpr (own_volume) entry = plus_product(entry, v[i], stretched[j]);
                     if (i == j) entry += diagonal;
                     emit(k, i, j, entry);
                     if (a == b && i != j) emit(k, j, i, entry);
@@ -239,14 +239,10 @@ inline void add_element(SkinChunk<ScalarOf<R>>& c, std::size_t e, const ScalarOf
     }
 }
 
-/// Lanes in which element e bears a limit's multiplier.
+/// Lanes in which limit e may bear a multiplier.
 template <class R>
 inline unsigned loaded_lanes(const SkinChunk<ScalarOf<R>>& c, std::size_t e) {
-    if (c.limits.unloaded) return 0;
-    R largest(0);
-    for (std::size_t i = 0; i < 9; ++i)
-        largest = maximum(absolute(load<R>(&c.state.limit_multiplier[(9 * e + i) * lane_width<R>])), largest);
-    return bits_from_mask<R>(largest > R(0));
+    return c.limits.unloaded ? 0 : c.scratch.loaded_limits[e] & ((1u << lane_width<R>)-1);
 }
 
 /// Elements that may be at a strain limit, or bear one's multiplier, are noted: add_noted_limits (patch_limits.h)
@@ -313,10 +309,8 @@ template <class R>
 inline void begin_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
     c.scratch.noted_limits.clear();
     if (!c.has_limits || c.limits.candidates_clear) return;
-    for (std::size_t i = 0; i < c.scratch.limit_candidate.size(); i += lane_width<R>) {
-        auto* candidate = &c.scratch.limit_candidate[i];
-        store<R>(candidate, select(lanes, R(0), load<R>(candidate)));
-    }
+    const unsigned bits = bits_from_mask<R>(lanes);
+    for (std::size_t e = 0; e < c.scratch.candidate_limits.size(); ++e) clear_candidate<R>(c, e, bits);
 }
 
 /// Forces, and where wanted stiffness, of the elements of a register that a finger has for itself; leaves their turned

@@ -80,6 +80,28 @@ inline void add_general_stiffness(SkinChunk<ScalarOf<R>>& c, std::size_t e, cons
         add_block<R>(c.scratch.blocks.data(), c.topology->element_block[e][b], blocks.block[b]);
 }
 
+/// Makes a limit's updated multiplier zero in some lanes.
+template <class R>
+inline void clear_candidate(SkinChunk<ScalarOf<R>>& c, std::size_t e, unsigned lanes) {
+    std::uint16_t& kept = c.scratch.candidate_limits[e];
+    if ((kept & lanes) == 0) return;
+    kept &= std::uint16_t(~lanes);
+    auto* candidate = &c.scratch.limit_candidate[9 * e * lane_width<R>];
+    store_mat3<R>(candidate, select(mask_from_bits<R>(lanes), Mat3<R>::zero(), load_mat3<R>(candidate)));
+}
+
+/// Writes a limit's updated multiplier in the masked lanes.
+template <class R>
+inline void keep_candidate(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& stress, MaskOf<R> lanes) {
+    auto* candidate = &c.scratch.limit_candidate[9 * e * lane_width<R>];
+    store_mat3<R>(candidate, select(lanes, stress, load_mat3<R>(candidate)));
+    MaskOf<R> none = R(0) <= R(0);
+    for (int i = 0; i < 9; ++i) none = none & (absolute(stress.m[i / 3][i % 3]) <= R(0));
+    const unsigned bits = bits_from_mask<R>(lanes), zero = bits_from_mask<R>(none);
+    std::uint16_t& kept = c.scratch.candidate_limits[e];
+    kept = std::uint16_t((kept & ~bits) | (bits & ~zero));
+}
+
 /// Strain limit number e in the masked lanes: of an element, or a patch, that has the deformation gradient F.
 /// Writes the updated multiplier; `act(stress, change since the multiplier, its decomposition, terms)` adds to gradient
 /// and blocks.
@@ -103,14 +125,7 @@ inline void add_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F
         for (int i = 0; i < 9; ++i) largest = maximum(absolute(multiplier.m[i / 3][i % 3]), largest);
     }
     const MaskOf<R> loaded = lanes & (largest > R(0));
-    ScalarOf<R>* candidate = &c.scratch.limit_candidate[9 * e * W];
-    auto keep_candidate = [&](const Mat3<R>& stress) {
-        store_mat3<R>(candidate, select(lanes, stress, load_mat3<R>(candidate)));
-    };
-    if (!any(loaded | beyond)) {
-        if (!c.limits.candidates_clear) keep_candidate(Mat3<R>::zero());
-        return;
-    }
+    if (!any(loaded | beyond)) return clear_candidate<R>(c, e, bits_from_mask<R>(lanes));
     multiplier = select(lanes, multiplier, Mat3<R>::zero());
     c.limits.met = true;
     c.limits.candidates_clear = false;
@@ -137,7 +152,7 @@ inline void add_limit(SkinChunk<ScalarOf<R>>& c, std::size_t e, const Mat3<R>& F
     out.limited += select(dot(terms.stress, terms.stress) > R(0), R(1), R(0));
     for (int i = 0; i < 3; ++i)
         out.limits_met += select(absolute(terms.stress[i]) > R(0), R(ScalarOf<R>(3 * e + std::size_t(i) + 1)), R(0));
-    keep_candidate(stress);
+    keep_candidate(c, e, stress, lanes);
 }
 
 /// Strain limit of one element.
