@@ -159,8 +159,10 @@ void evaluate_all(Work& w, Steps steps) {
         });
     });
     for (std::size_t b = 0; b < s.bodies.size(); ++b) {
+        Island& island = s.islands[s.bodies[b].island];
+        if (!active(island)) continue;  // what it ended with stays as it was
         const Motion& g = s.bodies[b].gradient;
-        Evaluation<double>& e = s.islands[s.bodies[b].island].evaluation;
+        Evaluation<double>& e = island.evaluation;
         const double size = size_of(w, int(b));
         if (!is_plane(w, int(b))) e.extent = std::max(e.extent, size);
         e.residual += g.head<3>().squaredNorm() + g.tail<3>().squaredNorm() / (size * size);
