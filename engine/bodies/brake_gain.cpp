@@ -15,6 +15,21 @@ double uncertainty(const RigidBody& body, const BodyProgress& b) {
     return 1e-3 * (b.kinetic + kinetic_energy(body, b.pose.rotation)) + 1e-6 * norm(b.weight);
 }
 
+/// What turns far in a step is given too much by its contacts, by as much as an arc is longer than its chord [J]: that
+/// is the step's, and no error of its solve.
+double gain_along_chord(const RigidBody& body, const BodyProgress& b) {
+    const double half = norm((b.pose.rotation * conjugate(b.start.rotation)).vector());
+    return 2 * half * half * body.size * norm(body.contact_force);
+}
+
+/// Whether a change of a body's speed is more than its solve may leave of what presses on it: contact forces as they
+/// are reported have then not made its motion.
+bool is_felt(const BodyWork& w, const RigidBody& body, const Vec3<double>& speed) {
+    const double share = std::max(fitted::own_residual, 3 * w.solver.tolerance);
+    const double force = body.mass / w.solver.dt * norm(speed);
+    return force > std::max(share * norm(body.contact_force), fitted::own_rounding);
+}
+
 bool gains(const BodyWork& w, const BodyProgress& b, int body) {
     return b.gain > uncertainty(w.bodies[std::size_t(body)], b);
 }
@@ -184,8 +199,10 @@ void brake_gains(BodyWork& w) {
             return;
         }
         const double share = std::sqrt(std::clamp(1 - excess / energy, 0.0, 1.0));
+        const Vec3<double> taken = (1 - share) * speed;
         body.velocity = along + share * speed;
         body.angular_momentum = share * body.angular_momentum;
+        if (excess > 2 * gain_along_chord(body, b) && is_felt(w, body, taken)) body.converged = false;
     });
 }
 

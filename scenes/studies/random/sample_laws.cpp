@@ -38,8 +38,8 @@ struct StuckSlip {
 template <class T>
 StuckSlip stuck_slip(const SkinChunk<T>& c, int lane, int slot, const FingerState& before, const FingerState& now,
                      double pending) {
-    constexpr double spare = 0.9;         // of the friction available
-    constexpr double plane_error = 2e-3;  // [rad]
+    constexpr double spare = 0.9;                                                  // of the friction available
+    constexpr double plane_error = 2e-3, plane_error_of_blow = 2e-2, blow = 1e-3;  // [rad, rad, m]
     const LaneContact& o = c.contacts.at(slot, lane);
     const SkinTopology& t = *c.topology;
     const auto W = std::size_t(c.width), l = std::size_t(lane);
@@ -58,7 +58,9 @@ StuckSlip stuck_slip(const SkinChunk<T>& c, int lane, int slot, const FingerStat
         const double left = pending / (double(c.rest.contact_penalty[s * W + l]) * scale);
         // The plane of friction is that of the last update of multipliers: where a blow came from millimetres away, a
         // milliradian of it is micrometres of slip (1707420, 1720777: 20 um of 8 mm, forces right to 6e-5).
-        const double along = dot(moved, normal), tilted = plane_error * std::abs(along);
+        // Where it is a body that turns, contact may have gone on over a round surface since then (1086042: 14 mrad).
+        const double along = dot(moved, normal), way_in = std::abs(along);
+        const double tilted = (way_in > blow ? plane_error_of_blow : plane_error) * way_in;
         all.way += pressed * std::max(0.0, norm(moved - along * normal) - left - tilted);
         all.share += pressed;
     }
