@@ -216,6 +216,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
     }
     add_places_to_part(spec, chunks, first_chunk);
     share_work(chunks, first_chunk, all);
+    share_rest(chunks, first_chunk);
     if (!shared || !spec.solver.inertia || spec.solver.sleep_speed <= 0) return;
     // A few fingers that touch, of many, are solved apart from the others (gather_lanes).
     const std::size_t last = chunks.size();

@@ -91,6 +91,15 @@ void array(Archive& a, Vector& v) {
     if (a.count(n, sizeof(T)) && n != v.size()) a.refuse();
     if (a.good()) a.bytes(v.data(), n * sizeof(T));
 }
+/// One that chunks share stays theirs where it is the same.
+template <class Archive, class T>
+void array(Archive& a, RestArray<T>& v) {
+    LaneArray<T> numbers(v.begin(), v.end());
+    array(a, numbers);
+    if (!Archive::reads || std::equal(v.begin(), v.end(), numbers.begin())) return;
+    v.own();
+    std::copy(numbers.begin(), numbers.end(), v.data());
+}
 /// One that may grow and shrink.
 template <class Archive, class Vector>
 void growing(Archive& a, Vector& v) {
@@ -155,6 +164,7 @@ void exchange(Archive& a, SkinChunk<T>& c, const Table<VirtualObject>& shapes) {
     if (!Archive::reads) return;
     // Factors are no part of it, nor which multipliers are zero.
     std::fill(c.scratch.changed_columns.begin(), c.scratch.changed_columns.end(), 1);
+    c.limits.counted = false;
     for (auto* lanes : {&c.scratch.loaded_limits, &c.scratch.candidate_limits})
         std::fill(lanes->begin(), lanes->end(), all_lanes);
 }

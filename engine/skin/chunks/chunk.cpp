@@ -146,7 +146,7 @@ void set_patch_limits(SkinChunk<T>& c, int lane) {
     const auto W = std::size_t(c.width), l = std::size_t(lane);
     const std::size_t elements = t.elements.size(), patches = t.limit_patches.size();
     std::vector<double> volume(patches, 0.0), mean(3 * patches, 0.0), slopes(3 * t.limit_nodes.size(), 0.0);
-    LaneArray<T>* const values[] = {&c.rest.limit_low, &c.rest.limit_high, &c.rest.limit_penalty};
+    RestArray<T>* const values[] = {&c.rest.limit_low, &c.rest.limit_high, &c.rest.limit_penalty};
     for (std::size_t e = 0; e < elements; ++e) {
         const auto k = std::size_t(t.element_limit_patch[e]);
         const LimitPatch& patch = t.limit_patches[k];
@@ -288,6 +288,7 @@ void set_contact_areas(SkinChunk<T>& c, int lane, const TetMesh& mesh) {
     const std::size_t S = t.sample_count();
     c.has_soft_objects = true;
     resize_fields(c);
+    c.rest.contact_area.own();
     // Samples between nodes take their part of the area around them.
     const double share = double(t.samples.size()) / double(S);
     for (std::size_t s = 0; s < S; ++s) {
@@ -306,12 +307,13 @@ void set_contact_areas(SkinChunk<T>& c, int lane, const TetMesh& mesh) {
 template <class T>
 void set_lane_friction(SkinChunk<T>& c, int lane, int object, double friction, const std::vector<double>& objects) {
     const auto W = std::size_t(c.width);
-    LaneArray<T>& all = c.rest.object_friction;
+    RestArray<T>& all = c.rest.object_friction;
     if (all.empty()) {
         c.own_frictions = int(objects.size());
         resize_fields(c);
         for (std::size_t i = 0; i < all.size(); ++i) all[i] = T(objects[i / W]);
     }
+    all.own();
     all[std::size_t(object) * W + std::size_t(lane)] = T(friction);
 }
 
@@ -364,8 +366,14 @@ Pose<double> lane_bone(const SkinChunk<T>& c, int lane) {
 }
 
 template <class T>
+void own_rest(SkinChunk<T>& c) {
+    for_each_rest_field(c, [](auto& array, const Field&) { array.own(); });
+}
+
+template <class T>
 void fill_empty_lanes(SkinChunk<T>& c) {
     const int W = c.width;
+    own_rest(c);
     for_each_field(c, [&](auto& a, const Field&) {
         for (std::size_t i = 0; i + W <= a.size(); i += W)
             for (int l = 0; l < W; ++l)
@@ -373,11 +381,21 @@ void fill_empty_lanes(SkinChunk<T>& c) {
     });
 }
 
+namespace {
+template <class T>
+std::size_t bytes_of(const LaneArray<T>& a) {
+    return a.size() * sizeof(T);
+}
+template <class T>
+std::size_t bytes_of(const RestArray<T>& a) {  // its part of what is shared
+    return a.size() * sizeof(T) / std::size_t(a.sharers());
+}
+}  // namespace
+
 template <class T>
 std::size_t memory_bytes(const SkinChunk<T>& c) {
     std::size_t bytes = sizeof(c);
-    for_each_field(const_cast<SkinChunk<T>&>(c),
-                   [&](const auto& a, const Field&) { bytes += a.size() * sizeof(a[0]); });
+    for_each_field(const_cast<SkinChunk<T>&>(c), [&](const auto& a, const Field&) { bytes += bytes_of(a); });
     return bytes;
 }
 
@@ -394,6 +412,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
     template Vec3<double> lane_origin(const SkinChunk<T>&, int);                                                 \
     template Vec3<double> node_position(const SkinChunk<T>&, int, int);                                          \
     template Pose<double> lane_bone(const SkinChunk<T>&, int);                                                   \
+    template void own_rest(SkinChunk<T>&);                                                                       \
     template void fill_empty_lanes(SkinChunk<T>&);                                                               \
     template std::size_t memory_bytes(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)

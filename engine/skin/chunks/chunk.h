@@ -19,29 +19,30 @@ namespace palpate {
 
 inline constexpr int bone_spring_count = 3;  ///< virtual coupling, its damper, bone inertia
 
-/// Rest shape, material and limits. Written once, at load.
+/// Rest shape, material and limits. Written once, at load; where all fingers of an archetype are alike, one memory of
+/// all its chunks of one width (share_rest).
 template <class T>
 struct SkinRest {
-    LaneArray<T> shape_gradients;               ///< [element][node 1..3][xyz] of the rest shape [1/m]
-    LaneArray<T> volume;                        ///< [element] [m^3]
-    LaneArray<T> mu, lambda;                    ///< [element] Lame parameters [Pa]
-    LaneArray<T> patch_bulk;                    ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
-    LaneArray<T> membrane_mu, membrane_lambda;  ///< [element] in plane stress [Pa]; empty without membranes
-    LaneArray<T> membrane_slopes;               ///< [element][corner 1..3][2] shape gradients along tangents [1/m]
-    LaneArray<T> limit_low, limit_high;         ///< [limit] bounds on principal stretches; empty without limits
-    LaneArray<T> limit_slopes;                  ///< [node of a limit patch][xyz] volume dF/dx [m^2]
-    LaneArray<T> limit_volume;                  ///< [limit patch] [m^3]
-    LaneArray<T> limit_penalty;                 ///< [limit] base penalty of the limits [Pa]; empty without limits
-    LaneArray<T> mass;                          ///< [node] [kg]
-    LaneArray<T> contact_penalty;               ///< [sample] [N/m]
-    LaneArray<T> corner_on_pad;     ///< [skin corner] 1: it counts in the normal at its node (corners_on_pad); 0
-    LaneArray<T> contact_area;      ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
-    LaneArray<T> object_friction;   ///< [object] Coulomb coefficients; empty where fingers do not differ in them
-    LaneArray<T> tissue_stiffness;  ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
-    LaneArray<T>
+    RestArray<T> shape_gradients;               ///< [element][node 1..3][xyz] of the rest shape [1/m]
+    RestArray<T> volume;                        ///< [element] [m^3]
+    RestArray<T> mu, lambda;                    ///< [element] Lame parameters [Pa]
+    RestArray<T> patch_bulk;                    ///< [patch] 1 / sum of volume / lambda over its elements [Pa/m^3]
+    RestArray<T> membrane_mu, membrane_lambda;  ///< [element] in plane stress [Pa]; empty without membranes
+    RestArray<T> membrane_slopes;               ///< [element][corner 1..3][2] shape gradients along tangents [1/m]
+    RestArray<T> limit_low, limit_high;         ///< [limit] bounds on principal stretches; empty without limits
+    RestArray<T> limit_slopes;                  ///< [node of a limit patch][xyz] volume dF/dx [m^2]
+    RestArray<T> limit_volume;                  ///< [limit patch] [m^3]
+    RestArray<T> limit_penalty;                 ///< [limit] base penalty of the limits [Pa]; empty without limits
+    RestArray<T> mass;                          ///< [node] [kg]
+    RestArray<T> contact_penalty;               ///< [sample] [N/m]
+    RestArray<T> corner_on_pad;     ///< [skin corner] 1: it counts in the normal at its node (corners_on_pad); 0
+    RestArray<T> contact_area;      ///< [sample] share of the rest surface [m^2]; empty where objects are rigid
+    RestArray<T> object_friction;   ///< [object] Coulomb coefficients; empty where fingers do not differ in them
+    RestArray<T> tissue_stiffness;  ///< [1] 5 x Young's modulus x sample spacing: scale of Newton's damping [N/m]
+    RestArray<T>
         rounding_stiffness;  ///< [1] what rounding of positions meets: that, or more where hardly compressible [N/m]
-    LaneArray<T> extent;     ///< [1] largest distance of a node from the bone's origin [m]
-    LaneArray<T> rest_position;  ///< [node][xyz] in the bone frame [m]
+    RestArray<T> extent;     ///< [1] largest distance of a node from the bone's origin [m]
+    RestArray<T> rest_position;  ///< [node][xyz] in the bone frame [m]
 };
 
 /// What a step reads and writes. Positions are relative to an origin of each lane near its finger, with the axes of
@@ -193,6 +194,7 @@ struct BodyExchange {
 
 /// Whether strain limits bear anything, so that nothing is spent where they do not. False says nothing.
 struct LimitActivity {
+    bool counted = false;           ///< SkinScratch::loaded_limits says which multipliers of the state are zero
     bool unloaded = false;          ///< all multipliers of the state are zero
     bool candidates_clear = false;  ///< all updated multipliers in the scratch memory are zero
     bool met = true;                ///< some element was at a limit, or had a multiplier, in the last evaluation
@@ -340,6 +342,10 @@ bool alike(const SkinChunk<T>& a, const SkinChunk<T>& b);
 /// must be near no object.
 template <class T>
 void exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b);
+
+/// Before rest data are written: they are no others' from now on.
+template <class T>
+void own_rest(SkinChunk<T>& chunk);
 
 /// Lanes without a finger repeat lane 0, so that their arithmetic stays finite.
 template <class T>

@@ -21,6 +21,24 @@ void exchange(LaneArray<T>& a, int width_a, int lane_a, LaneArray<T>& b, int wid
     }
 }
 
+/// Where all fingers are alike, and share these numbers, nothing is to be done.
+template <class T>
+void exchange(RestArray<T>& a, int width_a, int lane_a, RestArray<T>& b, int width_b, int lane_b, bool both) {
+    const std::size_t count = a.size() / std::size_t(width_a);
+    bool same = true;
+    for (std::size_t i = 0; i < count && same; ++i)
+        same = a[i * std::size_t(width_a) + std::size_t(lane_a)] == b[i * std::size_t(width_b) + std::size_t(lane_b)];
+    if (same) return;
+    a.own(), b.own();
+    for (std::size_t i = 0; i < count; ++i) {
+        T& of_a = a[i * std::size_t(width_a) + std::size_t(lane_a)];
+        T& of_b = b[i * std::size_t(width_b) + std::size_t(lane_b)];
+        const T old = of_b;
+        of_b = of_a;
+        if (both) of_a = old;
+    }
+}
+
 void exchange_bit(unsigned& a, int lane_a, unsigned& b, int lane_b) {
     const unsigned of_a = (a >> lane_a) & 1u, of_b = (b >> lane_b) & 1u;
     a = (a & ~(1u << lane_a)) | (of_b << lane_a);
@@ -90,6 +108,7 @@ void exchange_lanes(SkinChunk<T>& a, int lane_a, SkinChunk<T>& b, int lane_b) {
     for (auto* columns : {&a.scratch.changed_columns, &b.scratch.changed_columns})  // factors stay behind
         std::fill(columns->begin(), columns->end(), 1);
     a.limits.unloaded = b.limits.unloaded = a.limits.unloaded && b.limits.unloaded;
+    a.limits.counted = b.limits.counted = false;
 }
 
 #define PALPATE_INSTANTIATE(T)                                     \

@@ -21,9 +21,9 @@ Pose<double> local_bone(const SkinChunk<T>& c, int lane) {
     return bone;
 }
 
-template <class T>
-Vec3<double> read(const LaneArray<T>& a, int index, int width, int lane) {
-    const T* p = &a[std::size_t(3 * index * width + lane)];
+template <class Array>
+Vec3<double> read(const Array& a, int index, int width, int lane) {
+    const auto* p = &a[std::size_t(3 * index * width + lane)];
     return {double(p[0]), double(p[width]), double(p[2 * width])};
 }
 template <class T>

@@ -38,6 +38,19 @@ SkinChunk<T> work_of(const SkinChunk<T>& like) {
     return c;
 }
 
+/// Whether the first finger of one chunk, and all of the other, have the same rest data.
+template <class T>
+bool are_alike(SkinChunk<T>& a, SkinChunk<T>& b) {
+    bool alike = true;
+    for_each_field_of_both(a, b, [&](const auto& of_a, const auto& of_b, const Field&) {
+        if constexpr (requires { of_a.is_shared(); }) {
+            const auto of_one = std::size_t(a.width), of_all = std::size_t(b.width);
+            for (std::size_t i = 0; i < of_b.size() && alike; ++i) alike = of_b[i] == of_a[i / of_all * of_one];
+        }
+    });
+    return alike;
+}
+
 }  // namespace
 
 template <class T>
@@ -68,6 +81,25 @@ void share_work(std::vector<SkinChunk<T>>& chunks, std::size_t first, SkinChunks
 }
 
 template <class T>
+void share_rest(std::vector<SkinChunk<T>>& chunks, std::size_t first) {
+    for (std::size_t k = first; k < chunks.size(); ++k) {
+        std::vector<std::size_t> same;
+        bool all_alike = true;
+        for (std::size_t i = first; i < chunks.size(); ++i) {
+            if (!alike(chunks[k], chunks[i])) continue;
+            all_alike = all_alike && i >= k && are_alike(chunks[k], chunks[i]);
+            if (chunks[k].width == chunks[i].width) same.push_back(i);
+        }
+        if (!all_alike) continue;  // or those of its archetype share already
+        for (std::size_t i : same)
+            for_each_field_of_both(chunks[k], chunks[i], [](auto& a, auto& b, const Field&) {
+                if constexpr (requires { a.share(b); })
+                    if (&a != &b) b.share(a);
+            });
+    }
+}
+
+template <class T>
 void trade_work(SkinChunk<T>& c, SkinChunk<T>& memory, bool with_matrix) {
     for_each_field_of_both(c, memory, [](auto& a, auto& b, const Field& f) {
         if (f.role == Role::work) std::swap(a, b);
@@ -88,6 +120,7 @@ bool keeps_none(const SkinChunk<T>& c) {
 
 #define PALPATE_INSTANTIATE(T)                                                      \
     template void share_work(std::vector<SkinChunk<T>>&, std::size_t, SkinChunks&); \
+    template void share_rest(std::vector<SkinChunk<T>>&, std::size_t);              \
     template void trade_work(SkinChunk<T>&, SkinChunk<T>&, bool);                   \
     template bool keeps_none(const SkinChunk<T>&);
 PALPATE_INSTANTIATE(double)

@@ -1,6 +1,7 @@
 #pragma once
-// Work memory that chunks take turns with. Where there are many, what a chunk needs only while it is solved is then
-// still in the cache from the one before, and no more than what outlives the step is fetched and written back.
+// Memory of several chunks: rest data that are the same, and work memory that they take turns with. Where there are
+// many, what a chunk needs only while it is solved is then still in the cache from the one before, and no more than
+// what outlives the step is fetched and written back.
 
 #include "engine/skin/chunks/chunk.h"
 
@@ -9,6 +10,11 @@ namespace palpate {
 /// Lets the chunks from `first` on, of one archetype, take turns where they are many.
 template <class T>
 void share_work(std::vector<SkinChunk<T>>& chunks, std::size_t first, SkinChunks& all);
+
+/// Lets the chunks from `first` on share their rest data, by archetype and width, where all fingers are alike: of a
+/// thousand the numbers of one stay in the cache.
+template <class T>
+void share_rest(std::vector<SkinChunk<T>>& chunks, std::size_t first);
 
 /// Swaps the work memory of a chunk that has none of its own with that of `memory`, and that of its matrix, too, where
 /// it is to.

@@ -52,7 +52,7 @@ inline void for_each_limit_slope(const SkinChunk<ScalarOf<R>>& c, std::size_t li
     constexpr std::size_t W = lane_width<R>;
     const auto l = std::size_t(lane);
     const std::size_t elements = t.elements.size();
-    auto vec = [&](const LaneArray<T>& a, std::size_t i) {
+    auto vec = [&](const auto& a, std::size_t i) {
         return Vec3<T>{a[i * W + l], a[(i + 1) * W + l], a[(i + 2) * W + l]};
     };
     if (limit >= elements) {

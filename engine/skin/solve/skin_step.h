@@ -105,6 +105,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
     }
     if (!c.has_limits || c.limits.unloaded) return;
     for (std::size_t e = 0; e < t.limit_count(); ++e) {
+        if (c.limits.counted && c.scratch.loaded_limits[e] == 0) continue;
         T* p = &c.state.limit_multiplier[9 * e * W];
         R largest(0);
         for (int i = 0; i < 9; ++i) largest = maximum(absolute(load<R>(p + i * W)), largest);
@@ -112,6 +113,7 @@ inline void begin_step(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings
         c.scratch.loaded_limits[e] = std::uint16_t(loaded);
         if (loaded != 0) store_mat3<R>(p, rotation * load_mat3<R>(p));
     }
+    c.limits.counted = true;
 }
 
 /// Linear tissue evaluates limits of watched elements alone: those of others bear nothing.

@@ -37,7 +37,8 @@ struct ElementGroup {
         for (int k = 0; k < parts; ++k) number[std::size_t(k)] = first + std::size_t(std::min(k, n - 1));
     }
     /// Number `i` of the `size` that an array has for each element.
-    Q load(const LaneArray<ScalarOf<R>>& array, std::size_t size = 1, std::size_t i = 0) const {
+    template <class Array>
+    Q load(const Array& array, std::size_t size = 1, std::size_t i = 0) const {
         std::array<std::size_t, parts> offset;
         for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = size * number[k] * lane_width<R>;
         return gather_parts<R, Q>(array.data() + i * lane_width<R>, offset.data());

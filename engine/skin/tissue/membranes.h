@@ -106,7 +106,8 @@ struct MembraneElements {
             element[k] = std::size_t(t.membrane_elements[number[k]]);
         }
     }
-    Q load(const LaneArray<ScalarOf<R>>& array, std::size_t size = 1, std::size_t i = 0) const {
+    template <class Array>
+    Q load(const Array& array, std::size_t size = 1, std::size_t i = 0) const {
         std::array<std::size_t, elements_at_once<R>> offset;
         for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = size * element[k];
         return gather_parts<R, Q>(array.data() + i, offset.data());
