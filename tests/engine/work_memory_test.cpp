@@ -51,6 +51,7 @@ void fill_work(SkinChunk<T>& memory, T value) {
         if (f.role == Role::work) std::fill(array.begin(), array.end(), value);
     });
     std::fill(memory.scratch.changed_columns.begin(), memory.scratch.changed_columns.end(), 0);
+    std::fill(memory.scratch.candidate_limits.begin(), memory.scratch.candidate_limits.end(), all_lanes);
 }
 
 /// Presses, slides, lifts and presses again; what others may have left in the memory is filled with `left_over`.
@@ -121,6 +122,30 @@ TEST(WorkMemory, FewFingersShareNone) {
     SceneSpec spec = many_fingers({"", true, 1, Material::corotational});
     spec.fingers.resize(8);
     EXPECT_TRUE(build_world(spec).chunks.work.empty());
+}
+
+/// How many chunks have the rest data of the first one.
+long sharers(const World& world) { return world.chunks.floats[0].rest.shape_gradients.sharers(); }
+
+TEST(RestMemory, FingersThatAreAlikeShareItAndAStepIsTheSameBits) {
+    const WorkCase test{"Float", true, 16, Material::corotational};
+    SceneSpec spec = many_fingers(test);
+    World shared = build_world(spec), own = build_world(spec);
+    EXPECT_GT(sharers(shared), 4);
+    for (auto& c : own.chunks.floats) own_rest(c);
+    EXPECT_EQ(sharers(own), 1);
+    EXPECT_LT(double(skin_memory_bytes(shared)), 0.9 * double(skin_memory_bytes(own)));
+    press(shared, 2, 0);
+    press(own, 2, 0);
+    for (std::size_t i = 0; i < own.contact_surfaces.size(); ++i)
+        ASSERT_EQ(own.contact_surfaces[i].normal_force, shared.contact_surfaces[i].normal_force) << i;
+    // What writes into one of them leaves the others as they were.
+    const float before = shared.chunks.floats[1].rest.mu[0];
+    own_rest(shared.chunks.floats[0]);
+    shared.chunks.floats[0].rest.mu[0] = 2 * before;
+    EXPECT_EQ(shared.chunks.floats[1].rest.mu[0], before);
+    spec.fingers[40].young_modulus = {31e3};
+    EXPECT_EQ(sharers(build_world(spec)), 1);
 }
 
 }  // namespace
