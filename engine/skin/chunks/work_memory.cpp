@@ -118,13 +118,13 @@ bool keeps_none(const SkinChunk<T>& c) {
     return true;
 }
 
-#define PALPATE_INSTANTIATE(T)                                                      \
-    template void share_work(std::vector<SkinChunk<T>>&, std::size_t, SkinChunks&); \
-    template void share_rest(std::vector<SkinChunk<T>>&, std::size_t);              \
-    template void trade_work(SkinChunk<T>&, SkinChunk<T>&, bool);                   \
-    template bool keeps_none(const SkinChunk<T>&);
-PALPATE_INSTANTIATE(double)
-PALPATE_INSTANTIATE(float)
-#undef PALPATE_INSTANTIATE
+template void share_work(std::vector<SkinChunk<double>>&, std::size_t, SkinChunks&);
+template void share_work(std::vector<SkinChunk<float>>&, std::size_t, SkinChunks&);
+template void share_rest(std::vector<SkinChunk<double>>&, std::size_t);
+template void share_rest(std::vector<SkinChunk<float>>&, std::size_t);
+template void trade_work(SkinChunk<double>&, SkinChunk<double>&, bool);
+template void trade_work(SkinChunk<float>&, SkinChunk<float>&, bool);
+template bool keeps_none(const SkinChunk<double>&);
+template bool keeps_none(const SkinChunk<float>&);
 
 }  // namespace palpate
