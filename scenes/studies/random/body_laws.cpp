@@ -250,9 +250,10 @@ double lifted_by_overlaps(const Watched& v) {
     double mass = 0, deep = 0;
     for (const RigidBody& b : v.s.world.bodies) mass += b.mass;
     for (const PairOverlap& o : v.overlaps) deep += o.deepest > overlap_allowed(v.s.world) ? o.deepest : 0;
-    // What parts goes at the speed of recovery, or twice that where it turns about a corner or leaves two overlaps.
+    // What parts goes at the speed of recovery and rises by the overlap, or twice that where it turns about a corner or
+    // leaves two overlaps (5201673).
     const double speed = deep > 0 ? 2 * v.s.world.solver.recovery_speed : 0;
-    return mass * (norm(v.s.world.gravity) * deep + 0.5 * speed * speed);
+    return mass * (norm(v.s.world.gravity) * 2 * deep + 0.5 * speed * speed);
 }
 
 /// Whether a hand let go of a body on purpose: since it gripped it most firmly, two of its fingers' bones have moved
