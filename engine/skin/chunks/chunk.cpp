@@ -242,6 +242,7 @@ Sphere sphere_around(const TetMesh& mesh, const std::vector<int>& samples) {
 
 template <class T>
 void set_lane(SkinChunk<T>& c, int lane, int finger, const SkinParameters& p, const Pose<double>& bone) {
+    own_rest(c);
     const SkinTopology& t = *c.topology;
     const int W = c.width;
     c.finger[lane] = finger;
