@@ -180,6 +180,10 @@ bool is_near(PairWork& w, FingerPair& p, const FingerPair* before) {
                            rotation_matrix(turn) * (before->centre - before->pose.position) -
                            (before->centre - before->pose.position);
         p.pose.rotation = normalised(turn * p.start.rotation);
+        if (w.pairs.friction <= 0) {  // nothing holds it along itself: it went metres away, further in every step
+            const Vec3<double> n = rotation_matrix(p.pose.rotation).column(2);
+            p.pose.position = p.start.position + dot(n, p.pose.position - p.start.position) * n;
+        }
         return true;
     }
     const auto of_a = with_finger(w, p.a, [&](auto& c, int lane) { return carried(c, lane, p.start.position); });
