@@ -6,6 +6,7 @@
 #include "engine/contact/fitted.h"
 #include "engine/skin/chunks/contact_slots.h"
 #include "engine/skin/solve/fitted.h"
+#include "engine/skin/solve/kernels.h"
 #include "engine/systems.h"
 
 namespace palpate {
@@ -16,19 +17,6 @@ template <class T>
 Vec3<double> read_vec3(const LaneArray<T>& a, std::size_t index, int width, int lane) {
     const T* p = &a[3 * index * width + lane];
     return {double(p[0]), double(p[width]), double(p[2 * width])};
-}
-
-/// Numbers `first` and on of an array [number][lane].
-template <class T>
-Vec3<T> read_point(const LaneArray<T>& a, std::size_t first, std::size_t width, std::size_t lane) {
-    const T* p = &a[first * width + lane];
-    return {p[0], p[width], p[2 * width]};
-}
-template <class T>
-Mat3<T> read_mat3(const LaneArray<T>& a, std::size_t first, std::size_t width, std::size_t lane) {
-    Mat3<T> m;
-    for (std::size_t i = 0; i < 9; ++i) m.m[i / 3][i % 3] = a[(first + i) * width + lane];
-    return m;
 }
 
 /// A sample of a nodal array of positions, world [m].
@@ -42,39 +30,58 @@ Vec3<double> sample_position(const SkinChunk<T>& c, const LaneArray<T>& nodal, s
     return x;
 }
 
+/// A number that rounds as the kernels of wide registers do, and is no type of theirs.
+template <class T>
+using FusedNumber = Lanes<T, 1, 1024>;
+
+/// Normal of an object at a sample, world, by the numbers that the solve had, which are of type R.
+template <class R, class T>
+Vec3<double> normal_of_solve(const SkinChunk<T>& c, int lane, int slot, std::size_t s, T side) {
+    const SkinTopology& t = *c.topology;
+    const std::size_t W = std::size_t(c.width), l = std::size_t(lane);
+    const LaneContact& o = c.contacts.at(slot, lane);
+    auto read = [&](const LaneArray<T>& a, std::size_t first) {
+        return Vec3<R>{R(a[first * W + l]), R(a[(first + 1) * W + l]), R(a[(first + 2) * W + l])};
+    };
+    const std::size_t frame = 24 * std::size_t(slot);
+    Mat3<R> rotation;
+    for (std::size_t i = 0; i < 9; ++i) rotation.m[i / 3][i % 3] = R(c.scratch.slot_frame[(frame + i) * W + l]);
+    const Vec3<R> position = read(c.scratch.slot_frame, frame + 9);
+    auto node = [&](int n) { return read(c.state.position, 3 * std::size_t(n)); };
+    Vec3<R> x;
+    if (s < t.samples.size()) {
+        x = node(t.samples[s]);
+    } else {
+        const FaceSample& f = t.face_samples[s - t.samples.size()];
+        x = R(T(f.weight[0])) * node(f.node[0]);
+        for (int k = 1; k < 3; ++k) x += R(T(f.weight[k])) * node(f.node[k]);
+    }
+    const Vec3<R> local = transposed_times(rotation, x - position);
+    if (o.shape.kind == ShapeKind::mesh && side >= T(covered_mesh)) {
+        const Vec3<double> at{double(palpate::lane(local.x, 0)), double(palpate::lane(local.y, 0)),
+                              double(palpate::lane(local.z, 0))};
+        return rotation_matrix(o.pose.rotation) * foot_point(o.shape, at, double(side), mesh_contact_distance).normal;
+    }
+    const Vec3<R> size{R(T(o.shape.size.x)), R(T(o.shape.size.y)), R(T(o.shape.size.z))};
+    const Vec3<R> n =
+        rotation * (has_sides(o.shape.kind) ? sided_point(o.shape.kind, size, R(T(o.shape.round)), local, R(side))
+                                            : local_surface_point(o.shape, local))
+                       .normal;
+    return {double(palpate::lane(n.x, 0)), double(palpate::lane(n.y, 0)), double(palpate::lane(n.z, 0))};
+}
+
 /// Normal of an object at a sample, world. In single precision by the numbers that the solve had: where a sample
 /// touches an edge, a rounding of its place turns the normal. (Then, of a mesh, of about length one.) Planes between
 /// fingers are where balance_planes has put them since.
 template <class T>
 Vec3<double> pressed_normal(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
-    const SkinTopology& t = *c.topology;
-    const std::size_t W = std::size_t(c.width), l = std::size_t(lane);
     const LaneContact& o = c.contacts.at(slot, lane);
-    const T side = c.state.contact_side[(std::size_t(slot) * t.sample_count() + s) * W + l];
+    const std::size_t i = std::size_t(slot) * c.topology->sample_count() + s;
+    const T side = c.state.contact_side[i * std::size_t(c.width) + std::size_t(lane)];
     if (std::is_same_v<T, double> || o.finger >= 0)
         return surface_point(o.shape, o.pose, sample_position(c, c.state.position, s, lane), double(side)).normal;
-    const Mat3<T> rotation = read_mat3(c.scratch.slot_frame, 24 * std::size_t(slot), W, l);
-    const Vec3<T> position = read_point(c.scratch.slot_frame, 24 * std::size_t(slot) + 9, W, l);
-    auto node = [&](int n) { return read_point(c.state.position, 3 * std::size_t(n), W, l); };
-    Vec3<T> x;
-    if (s < t.samples.size()) {
-        x = node(t.samples[s]);
-    } else {
-        const FaceSample& f = t.face_samples[s - t.samples.size()];
-        x = T(f.weight[0]) * node(f.node[0]);
-        for (int k = 1; k < 3; ++k) x += T(f.weight[k]) * node(f.node[k]);
-    }
-    const Vec3<T> local = transposed_times(rotation, x - position);
-    if (o.shape.kind == ShapeKind::mesh && side >= T(covered_mesh)) {
-        const Vec3<double> at{double(local.x), double(local.y), double(local.z)};
-        return rotation_matrix(o.pose.rotation) * foot_point(o.shape, at, double(side), mesh_contact_distance).normal;
-    }
-    const Vec3<T> size{T(o.shape.size.x), T(o.shape.size.y), T(o.shape.size.z)};
-    const Vec3<T> n =
-        rotation * (has_sides(o.shape.kind) ? sided_point(o.shape.kind, size, T(o.shape.round), local, side)
-                                            : local_surface_point(o.shape, local))
-                       .normal;
-    return {double(n.x), double(n.y), double(n.z)};
+    if (&best_kernels() == &plain_kernels) return normal_of_solve<T>(c, lane, slot, s, side);
+    return normal_of_solve<FusedNumber<T>>(c, lane, slot, s, side);
 }
 
 /// Force of an object on a sample, world [N].
