@@ -20,6 +20,14 @@ namespace {
 
 ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& bone);
 
+/// Lets b have a's rest data, where they are the same.
+void share_rest(const ContactSurface& a, ContactSurface& b) {
+    if (a.area == b.area) b.area.share(a.area);
+    if (a.faces == b.faces) b.faces.share(a.faces);
+    if (a.rim_faces == b.rim_faces) b.rim_faces.share(a.rim_faces);
+    if (a.back_faces == b.back_faces) b.back_faces.share(a.back_faces);
+}
+
 /// Fingers of one archetype: same connectivity, precision and material.
 struct Archetype {
     const TetMesh* mesh;
@@ -95,6 +103,10 @@ bool has_bodies(const SceneSpec& spec) {
     return std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.body.has_value(); });
 }
 
+bool has_tissue(const SceneSpec& spec) {
+    return std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.tissue.has_value(); });
+}
+
 /// Everything the bodies' solve needs, so that nothing is allocated later.
 void prepare_bodies(World& world) {
     BodySolve& s = world.body_solve;
@@ -160,8 +172,7 @@ bool yielding(const SceneSpec& spec) {
 /// these can go on by themselves (gather_lanes), for each kind of chunk.
 template <class T>
 void add_places_to_part(const SceneSpec& spec, std::vector<SkinChunk<T>>& chunks, std::size_t first) {
-    const bool soft = std::any_of(spec.objects.begin(), spec.objects.end(), [](auto& o) { return o.tissue; });
-    if (!has_bodies(spec) && !soft && !(spec.fingers_touch && spec.fingers.size() > 2)) return;
+    if (!has_bodies(spec) && !has_tissue(spec) && !(spec.fingers_touch && spec.fingers.size() > 2)) return;
     const std::size_t last = chunks.size();
     for (std::size_t k = first; k < last; ++k) {
         int widest = 0;
@@ -215,7 +226,7 @@ void fill_chunks(const SceneSpec& spec, const Archetype& a, std::vector<SkinChun
         first = last;
     }
     add_places_to_part(spec, chunks, first_chunk);
-    share_work(chunks, first_chunk, all);
+    if (!has_tissue(spec)) share_work(chunks, first_chunk, all);  // else they may be solved with it
     share_rest(chunks, first_chunk);
     if (!shared || !spec.solver.inertia || spec.solver.sleep_speed <= 0) return;
     // A few fingers that touch, of many, are solved apart from the others (gather_lanes).
@@ -309,9 +320,9 @@ ContactSurface contact_surface_of(const FingerSpec& finger, const Pose<double>& 
     }
     c.force.assign(c.area.size(), {0, 0, 0});
     c.touches.assign(c.area.size(), 0);
+    c.bears.assign(c.area.size(), 0);
     c.gap.assign(c.area.size(), 0.0);
     c.pressing.assign(c.area.size(), {0, 0, 0});
-    c.outward.assign(c.area.size(), {0, 0, 0});
     if (mesh.curved_skin) c.bulge.assign(c.area.size(), {0, 0, 0});
     for (const auto& face : mesh.surface) {
         std::array<int, 3> samples;
@@ -366,7 +377,9 @@ World build_world(const SceneSpec& spec) {
         if (spec.fingers[i].filter) world.pose_filters.add(tracker, *spec.fingers[i].filter);
         world.couplings.add(finger, spec.fingers[i].coupling).tracker = tracker;
         world.skins.add(finger, std::move(skins[i]));
-        world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i], spec.fingers[i].start));
+        ContactSurface& surface =
+            world.contact_surfaces.add(finger, contact_surface_of(spec.fingers[i], spec.fingers[i].start));
+        if (i > 0) share_rest(world.contact_surfaces[i - 1], surface);
     }
     for (const ObjectSpec& o : spec.objects) {
         const EntityId object = world.objects.create();

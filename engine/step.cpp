@@ -18,9 +18,15 @@ void timed(double& seconds, System system) {
 
 /// Fingers for themselves, and bodies with the fingers that are near them: the one beside the other where both are to
 /// be solved and there are threads for it. What bodies take beyond the time of the fingers is then theirs.
-void solve(World& w, Threads& threads) {
+/// Returns how much of solve_skin read contact [s].
+double solve(World& w, Threads& threads) {
     StepProfile& p = w.profile;
-    auto skins = [&] { timed(p.solve_skin, [&] { solve_skins(w.solver, threads, w.chunks); }); };
+    double read = 0;
+    auto skins = [&] {
+        timed(p.solve_skin,
+              [&] { read = solve_skins(w.solver, w.skins, threads, w.chunks, w.couplings, w.contact_surfaces); });
+        p.solve_skin -= read;
+    };
     auto bodies = [&] {
         solve_bodies(w.solver, w.gravity, w.pair_frictions, w.time, w.skins, threads, w.shapes, w.bodies,
                      w.finger_pairs, w.soft, w.body_solve, w.chunks);
@@ -28,10 +34,11 @@ void solve(World& w, Threads& threads) {
     if (threads.count() == 1 || !solved_apart(w.chunks)) {
         skins();
         timed(p.solve_bodies, bodies);
-        return;
+        return read;
     }
     timed(p.solve_bodies, [&] { threads.for_each(2, [&](int k) { k == 0 ? skins() : bodies(); }); });
     p.solve_bodies = std::max(0.0, p.solve_bodies - p.solve_skin);
+    return read;
 }
 
 }  // namespace
@@ -56,12 +63,14 @@ void step(World& w, Threads& threads) {
     });
     timed(p.choose_detail, [&] { choose_detail(w.solver, w.step, w.chunks); });
     timed(p.gather_lanes, [&] { gather_lanes(w.skins, w.chunks); });
-    solve(w, threads);
+    const double read = solve(w, threads);
     end_cuts(w.deadline, w.chunks, w.body_solve);
     timed(p.extract_contact, [&] {
-        extract_contact(w.skins, w.solver.tolerance, threads, w.soft, w.chunks, w.couplings, w.contact_surfaces);
+        extract_contact(w.skins, w.solver.tolerance, threads, w.finger_pairs, w.soft, w.chunks, w.couplings,
+                        w.contact_surfaces);
         find_entered_tissue(w.time, w.soft, w.chunks, w.bodies);
     });
+    p.extract_contact += read;
     timed(p.match_devices, [&] { match_devices(w.contact_surfaces, w.time, threads, w.matchings, w.force_matchers); });
     timed(p.publish, [&] {
         publish(w.tracker_poses, w.couplings, w.matchings, w.time, w.solver.dt, w.sampled_at, w.device_links);

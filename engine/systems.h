@@ -54,8 +54,11 @@ void choose_detail(const SolverSettings& solver, std::int64_t step, SkinChunks& 
 /// whether solved or not.
 void gather_lanes(Table<Skin>& skins, SkinChunks& chunks);
 
-/// One implicit step of every chunk (solve/solve_lanes.h) that is near no body, chunks in parallel.
-void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks);
+/// One implicit step of every chunk (solve/solve_lanes.h) that is near no body, chunks in parallel. The contact of
+/// chunks that take turns at work memory is read at once (extract_chunk): what is read is still in the cache then, and
+/// much of it outlives no step. Returns what that took of the time [s].
+double solve_skins(const SolverSettings& solver, const Table<Skin>& skins, Threads& threads, SkinChunks& chunks,
+                   Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
 /// Whether there are fingers for solve_skins and others for solve_bodies, and neither writes what the other reads.
 bool solved_apart(const SkinChunks& chunks);
 
@@ -66,11 +69,16 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
                   Threads& threads, Table<VirtualObject>& shapes, Table<RigidBody>& bodies, FingerPairs& pairs,
                   SoftObjects& soft, BodySolve& solve, SkinChunks& chunks);
 
-/// Reads touching samples, forces and area of each finger, and each soft object, from its lane. Says in its status
-/// which nodes are pressed from inside, and that such a step has not converged; nor has a finger whose own forces are
-/// off balance by more than three times `tolerance` (of the solver, relative).
-void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, SoftObjects& soft,
-                     SkinChunks& chunks, Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
+/// Reads touching samples, forces and area of each finger of a chunk from its lane. Says in its status which nodes are
+/// pressed from inside, and that such a step has not converged; nor has a finger whose own forces are off balance by
+/// more than three times `tolerance` (of the solver, relative).
+void extract_chunk(int chunk, const Table<Skin>& skins, double tolerance, SkinChunks& chunks,
+                   Table<Coupling>& couplings, Table<ContactSurface>& surfaces);
+
+/// The same of the fingers of all chunks but those that solve_skins has read, and of soft objects.
+void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, const FingerPairs& pairs,
+                     SoftObjects& soft, SkinChunks& chunks, Table<Coupling>& couplings,
+                     Table<ContactSurface>& surfaces);
 
 /// Notes which objects have come into soft objects between their samples, and that in such a step neither has
 /// converged.

@@ -81,18 +81,18 @@ struct ObjectContact {
 /// Finger: its contact this step, written by extract_contact. Arrays are [sample], nodes alone: forces of samples
 /// between nodes count to the nodes around them.
 struct ContactSurface {
-    std::vector<double> area;                      ///< share of the rest surface [m^2], written at load
+    RestArray<double> area;                        ///< share of the rest surface [m^2], written at load
     Pose<double> bone = Pose<double>::identity();  ///< finger frame -> world
     std::vector<Vec3<double>> position;            ///< of the nodes, where forces act, finger frame [m]
     std::vector<Vec3<double>> bulge;               ///< from there to the skin that touches [m]; empty: it is flat
     std::vector<Vec3<double>> force;               ///< on the skin, world frame [N]
     std::vector<Vec3<double>> pressing;            ///< what of it is along the objects' normals, world frame [N]
     std::vector<char> touches;                     ///< 1 in C_O, 0 in N_O
+    std::vector<char> bears;                       ///< 1: some force may be other than zero
     std::vector<double> gap;                       ///< of samples beside those that touch, to what is nearest [m]
-    std::vector<std::array<int, 3>> faces;         ///< of the pad, three samples each, outward; written at load
-    std::vector<std::array<int, 3>> rim_faces;     ///< with some nodes in the pad, nodes of the mesh; written at load
-    std::vector<std::array<int, 3>> back_faces;    ///< with none in it, the same
-    std::vector<Vec3<double>> outward;             ///< scratch, [sample] of `faces`, finger frame, twice an area long
+    RestArray<std::array<int, 3>> faces;           ///< of the pad, three samples each, outward; written at load
+    RestArray<std::array<int, 3>> rim_faces;       ///< with some nodes in the pad, nodes of the mesh; written at load
+    RestArray<std::array<int, 3>> back_faces;      ///< with none in it, the same
     double longest_edge = 0;                       ///< of those faces at rest [m], written at load
     double modulus = 0;                            ///< E / (1 - nu^2) of the tissue [Pa], written at load
     bool rough = false;                            ///< forces are far from balanced: not to be rendered

@@ -120,6 +120,27 @@ SampleForce sample_force(const SkinChunk<T>& c, int lane, int slot, std::size_t 
     return force;
 }
 
+void add_force(std::size_t sample, const Vec3<double>& whole, const Vec3<double>& pressing, ContactSurface& out) {
+    out.force[sample] += whole;
+    out.pressing[sample] += pressing;
+    out.bears[sample] = 1;
+}
+
+/// Asks early for the memory that clear_forces() writes: of ten thousand fingers, no cache holds it.
+void ask_for_forces(const ContactSurface& out) {
+#if defined(__GNUC__)
+    for (std::size_t s = 0; s < out.bears.size(); ++s)
+        if (out.bears[s]) __builtin_prefetch(&out.force[s], 1), __builtin_prefetch(&out.pressing[s], 1);
+#endif
+}
+
+/// Of the samples that had any: few of a pad's do, and the others' memory is not fetched.
+void clear_forces(ContactSurface& out) {
+    for (std::size_t s = 0; s < out.bears.size(); ++s)
+        if (out.bears[s]) out.force[s] = out.pressing[s] = {0, 0, 0}, out.bears[s] = 0;
+    std::fill(out.touches.begin(), out.touches.end(), 0);
+}
+
 /// Whether an object rubs a sample.
 template <class T>
 bool rubs(const SkinChunk<T>& c, int lane, int slot, std::size_t s) {
@@ -137,16 +158,18 @@ void read_bulges(const SkinChunk<T>& c, int lane, ContactSurface& out) {
     const Mat3<double> bone = rotation_matrix(out.bone.rotation);
     for (std::size_t s = 0; s < out.bulge.size(); ++s) {
         const Vec3<double> b = transposed_times(bone, read_vec3(c.scratch.bulge, s, c.width, lane));
-        out.bulge[s] = found && dot(b, out.outward[s]) > 0 ? b : Vec3<double>{0, 0, 0};
+        out.bulge[s] = found && dot(b, c.scratch.outward[s]) > 0 ? b : Vec3<double>{0, 0, 0};
     }
 }
 
-void find_outward(ContactSurface& out) {
-    std::fill(out.outward.begin(), out.outward.end(), Vec3<double>{0, 0, 0});
-    for (const auto& f : out.faces) {
-        const Vec3<double>& a = out.position[std::size_t(f[0])];
-        const Vec3<double> area = cross(out.position[std::size_t(f[1])] - a, out.position[std::size_t(f[2])] - a);
-        for (int s : f) out.outward[std::size_t(s)] += area;
+/// Outward normals of the pad at its nodes, as long as twice an area, finger frame.
+void find_outward(const ContactSurface& surface, std::vector<Vec3<double>>& outward) {
+    std::fill(outward.begin(), outward.end(), Vec3<double>{0, 0, 0});
+    for (const auto& f : surface.faces) {
+        const Vec3<double>& a = surface.position[std::size_t(f[0])];
+        const Vec3<double> area =
+            cross(surface.position[std::size_t(f[1])] - a, surface.position[std::size_t(f[2])] - a);
+        for (int s : f) outward[std::size_t(s)] += area;
     }
 }
 
@@ -220,6 +243,7 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     coupling.force_N = std::min(coupling.stiffness * norm(pull), coupling.max_force);
     out.rough = false;
     if ((c.rigid_lanes >> lane) & 1u) return;  // it touches nothing, and did not when its skin was solved last
+    ask_for_forces(out);
     out.total = {0, 0, 0};
     out.normal_force = 0;
     const std::size_t S = t.samples.size();
@@ -230,14 +254,13 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
         out.objects[std::size_t(slot)].object = o.finger < 0 ? o.object : -1;
         out.objects[std::size_t(slot)].finger = o.finger;
     }
-    std::fill(out.touches.begin(), out.touches.end(), 0);
     const Mat3<double> of_bone = rotation_matrix(bone.rotation);
     for (std::size_t s = 0; s < S; ++s) {
         out.position[s] = transposed_times(of_bone, node_position(c, t.samples[s], lane) - bone.position);
-        out.force[s] = out.pressing[s] = {0, 0, 0};
     }
-    if (slots > 0 || !out.bulge.empty()) find_outward(out);
+    if (slots > 0 || !out.bulge.empty()) find_outward(out, c.scratch.outward);
     if (!out.bulge.empty()) read_bulges(c, lane, out);
+    clear_forces(out);
     int pressed_from_inside = 0;
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
         const Vec3<double> x = sample_position(c, c.state.position, s, lane);
@@ -252,15 +275,14 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
             force.pressing += f.pressing;
             normal_force += std::max(normal, 0.0);
             felt = true;
-            if (s < S && normal > 0) pressed_from_inside += is_pressed_from_inside(f, of_bone * out.outward[s]);
+            if (s < S && normal > 0) pressed_from_inside += is_pressed_from_inside(f, of_bone * c.scratch.outward[s]);
         }
         if (!felt) continue;
         const char touches = normal_force > 0;
         out.total += force.whole;
         out.normal_force += normal_force;
         if (s < S) {
-            out.force[s] += force.whole;
-            out.pressing[s] += force.pressing;
+            add_force(s, force.whole, force.pressing, out);
             out.touches[s] |= touches;
             continue;
         }
@@ -268,9 +290,9 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
         const FaceSample& f = t.face_samples[s - S];
         for (int k = 0; k < 3; ++k) {
             if (f.weight[k] <= 0) continue;
-            out.force[f.sample[k]] += f.weight[k] * force.whole;
-            out.pressing[f.sample[k]] += f.weight[k] * force.pressing;
-            out.touches[f.sample[k]] |= touches;
+            const auto node = std::size_t(f.sample[k]);
+            add_force(node, f.weight[k] * force.whole, f.weight[k] * force.pressing, out);
+            out.touches[node] |= touches;
         }
     }
     find_gaps(c, lane, out);
@@ -319,8 +341,7 @@ void add_soft_sample(const SkinChunk<T>& c, const Stencil& stencil, const SoftSa
     for (std::size_t k = 0; k < std::size_t(stencil.count); ++k) {
         const int i = sample_of(c, stencil.node[k]);
         if (i < 0 || !(stencil.weight[k] > 0)) continue;
-        out.force[std::size_t(i)] += stencil.weight[k] * whole;
-        out.pressing[std::size_t(i)] += stencil.weight[k] * pressing;
+        add_force(std::size_t(i), stencil.weight[k] * whole, stencil.weight[k] * pressing, out);
         if (s.terms.normal_force > 0) out.touches[std::size_t(i)] = 1;
     }
     out.total += whole;
@@ -393,32 +414,39 @@ void extract_soft(const Table<Skin>& skins, double tolerance, SoftObjects& soft,
     }
 }
 
+/// The fingers of a chunk.
+template <class T>
+void extract_lanes(SkinChunk<T>& c, const Table<Skin>& skins, double tolerance, Table<Coupling>& couplings,
+                   Table<ContactSurface>& surfaces) {
+    for (int lane = 0; lane < c.width; ++lane) {
+        const int row = c.finger[std::size_t(lane)];
+        if (row < 0 || row >= int(skins.size()) || ((c.unchanged_lanes >> lane) & 1u)) continue;
+        const EntityId finger = skins.owner(std::size_t(row));
+        extract(c, lane, tolerance, *couplings.find(finger), *surfaces.find(finger));
+    }
+}
+
 }  // namespace
 
-void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, SoftObjects& soft,
-                     SkinChunks& chunks, Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
-    auto extract_row = [&](std::size_t row) {
-        const EntityId finger = surfaces.owner(row);
-        const Skin& skin = *skins.find(finger);
-        Coupling& coupling = *couplings.find(finger);
-        chunks.with(skin.single_precision, skin.chunk, [&](auto& chunk) {
-            if (!((chunk.unchanged_lanes >> skin.lane) & 1u))
-                extract(chunk, skin.lane, tolerance, coupling, surfaces[row]);
+void extract_chunk(int chunk, const Table<Skin>& skins, double tolerance, SkinChunks& chunks,
+                   Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
+    chunks.with(chunk, [&](auto& c) { extract_lanes(c, skins, tolerance, couplings, surfaces); });
+}
+
+void extract_contact(const Table<Skin>& skins, double tolerance, Threads& threads, const FingerPairs& pairs,
+                     SoftObjects& soft, SkinChunks& chunks, Table<Coupling>& couplings,
+                     Table<ContactSurface>& surfaces) {
+    auto extract_own = [&](int chunk) {
+        chunks.with(chunk, [&](auto& c) {
+            if (has_own_work(c)) extract_lanes(c, skins, tolerance, couplings, surfaces);
         });
     };
-    // A few are done sooner than threads are woken.
-    constexpr std::size_t at_once = 16;
-    const std::size_t parts = surfaces.size() < 3 * at_once ? 1 : (surfaces.size() + at_once - 1) / at_once;
-    auto extract_part = [&](int part) {
-        const std::size_t first = std::size_t(part) * at_once;
-        const std::size_t last = parts == 1 ? surfaces.size() : std::min(surfaces.size(), first + at_once);
-        for (std::size_t row = first; row < last; ++row) extract_row(row);
-    };
-    if (parts == 1)
-        extract_part(0);
+    constexpr std::size_t few = 48;  // they are done sooner than threads are woken
+    if (surfaces.size() >= few)
+        threads.for_each(chunks.count(), extract_own);
     else
-        threads.for_each(int(parts), extract_part);
-    add_slips(surfaces);
+        for (int chunk = 0; chunk < chunks.count(); ++chunk) extract_own(chunk);
+    if (!pairs.near.empty()) add_slips(surfaces);
     extract_soft(skins, tolerance, soft, chunks, surfaces);
 }
 

@@ -32,7 +32,7 @@ void sample_pressed(const PressedPad& pad, Visit visit) {
 }  // namespace
 
 PressedPad pressed_pad(const ContactSurface& c) {
-    PressedPad out{c.force, c.position, c.faces, {}};
+    PressedPad out{c.force, c.position, {c.faces.begin(), c.faces.end()}, {}};
     for (int face = 0; face < int(c.faces.size()); ++face) {
         const PressedFace pressed = pressed_part(c, face);
         out.pressed.insert(out.pressed.end(), pressed.part.begin(), pressed.part.begin() + pressed.count);

@@ -9,7 +9,7 @@ namespace palpate {
 
 namespace {
 
-constexpr std::uint64_t magic = 0x3165746174736c70;  // "plstate1"
+constexpr std::uint64_t magic = 0x3265746174736c70;  // "plstate2"
 
 }  // namespace
 
@@ -159,7 +159,7 @@ void exchange(Archive& a, SkinChunk<T>& c, const Table<VirtualObject>& shapes) {
     if (!a.good()) return;
     if (Archive::reads) resize_fields(c);
     for_each_field(c, [&](auto& numbers, const Field& f) {
-        if (f.role != Role::scratch) array(a, numbers);
+        if (stays_with_finger(f)) array(a, numbers);
     });
     if (!Archive::reads) return;
     // Factors are no part of it, nor which multipliers are zero.
@@ -202,6 +202,7 @@ void exchange(Archive& a, ContactSurface& c) {
     array(a, c.touches);
     array(a, c.gap);
     growing(a, c.objects);
+    if (Archive::reads) std::fill(c.bears.begin(), c.bears.end(), char(1));
 }
 
 template <class Archive>
@@ -384,7 +385,8 @@ bool restore_state(Simulation& s, const std::uint8_t* bytes, std::size_t size, s
     Header header{};
     if (size >= sizeof header) std::memcpy(&header, bytes, sizeof header);
     if (header.magic != magic) {
-        why = "these bytes are no saved state";
+        const bool older = ((header.magic ^ magic) & 0x00ffffffffffffff) == 0;
+        why = older ? "the saved state is of another version of palpate" : "these bytes are no saved state";
         return false;
     }
     if (header.size != size - sizeof header || checksum(bytes + sizeof header, header.size) != header.sum) {

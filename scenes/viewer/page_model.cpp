@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "engine/contact/contact_edge.h"
 #include "scenes/run/stretches.h"
@@ -45,7 +46,7 @@ float unit_for(const std::vector<double>& values, double least, double range) {
 constexpr double least_pressure = 1000, unsigned_range = 65535, signed_range = 32767;  // [Pa]
 /// Pressure on every node of a mesh by what presses on its samples along normals [Pa].
 std::vector<double> pressures(const TetMesh& mesh, const std::vector<Vec3<double>>& pressing,
-                              const std::vector<double>& area) {
+                              std::span<const double> area) {
     std::vector<double> pressure(mesh.nodes.size(), 0.0);
     for (std::size_t k = 0; k < mesh.pad_nodes.size(); ++k)
         pressure[std::size_t(mesh.pad_nodes[k])] = norm(pressing[k]) / area[k];

@@ -36,7 +36,7 @@ ContactSurface one_corner() {
     ContactSurface c;
     c.position = {{0, 0, 0}, {2e-3, 0, 0}, {2e-3, 2e-3, 0}, {0, 2e-3, 0}};
     c.faces = {{0, 1, 2}, {0, 2, 3}};
-    c.area.assign(4, 1e-6);
+    c.area.resize(4, 1e-6);
     c.touches = {1, 0, 0, 0};
     c.pressing = {{0, 0, 0.01}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
     c.gap = {0, 1e-4, 1e-4, 1e-4};
@@ -77,7 +77,7 @@ TEST(ContactEdge, AreaIsThatOfThePartsThatOthersRead) {
             c.faces.push_back({i - side - 1, i, i - 1});
         }
     c.gap[3] = HUGE_VAL;
-    c.area.assign(c.position.size(), 1e-6);
+    c.area.resize(c.position.size(), 1e-6);
     c.modulus = 40e3;
     double parts = 0;
     for (int face = 0; face < int(c.faces.size()); ++face) {

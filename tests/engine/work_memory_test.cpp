@@ -124,6 +124,22 @@ TEST(WorkMemory, FewFingersShareNone) {
     EXPECT_TRUE(build_world(spec).chunks.work.empty());
 }
 
+/// What is of tissue is solved together with the fingers on it, which then need memory of their own.
+TEST(WorkMemory, ManyFingersBesideTissueShareNone) {
+    SceneSpec spec = many_fingers({"", true, 16, Material::corotational});
+    ObjectSpec slab;
+    slab.name = "slab";
+    slab.shape = {ShapeKind::box, {0.0075, 0.006, 0.006}};
+    slab.pose = {spec.fingers[4].start.position - Vec3<double>{0, 0, 0.0125}, {0, 1, 0, 0}};
+    slab.tissue = spec.fingers[0];
+    slab.tissue->single_precision = false;
+    spec.objects = {slab};
+    World world = build_world(spec);
+    press(world, 2, 0);
+    EXPECT_TRUE(world.chunks.work.empty());
+    EXPECT_GT(world.soft.all[0].surface.normal_force, 0.01);
+}
+
 /// How many chunks have the rest data of the first one.
 long sharers(const World& world) { return world.chunks.floats[0].rest.shape_gradients.sharers(); }
 

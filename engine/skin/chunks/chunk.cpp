@@ -30,6 +30,7 @@ void resize_fields(SkinChunk<T>& c) {
         c.scratch.loaded_limits.resize(limits, all_lanes);
         c.scratch.candidate_limits.resize(has_own_work(c) ? limits : 0, all_lanes);
     }
+    c.scratch.outward.resize(has_own_work(c) ? c.topology->samples.size() : 0);
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     for_each_field(c, [&](auto& array, const Field& f) {
         array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),

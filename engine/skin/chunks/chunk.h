@@ -105,7 +105,7 @@ struct SkinScratch {
     LaneArray<T> direction;  ///< [node, bone][xyz] Newton step
     LaneArray<T> permuted;   ///< [unknown][xyz] right-hand side in elimination order
     LaneArray<T> blocks;     ///< [block][3x3]
-    LaneArray<T> factor;     ///< [block][3x3] Cholesky factor, where lanes are fingers
+    LaneArray<T> factor;     ///< [block][3x3] Cholesky factor, where lanes are fingers, or a matrix being assembled
     LaneArray<T> first_direction;       ///< [node, bone][xyz] Newton's own, before contacts or limits were followed
     LaneArray<T> sample_gradient;       ///< [sample][xyz] contact's part of the gradient, bodies' apart
     LaneArray<T> sample_curvature;      ///< [sample][3x3] and of its curvature
@@ -118,6 +118,7 @@ struct SkinScratch {
     LaneArray<T>
         contact_normal;  ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
     LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation; empty if corotational
+    std::vector<Vec3<double>> outward;  ///< of the lane whose contact is being read: [sample at a node], finger frame
     std::vector<unsigned char> changed_columns;  ///< [column] of the matrix: 1 = not what the factor was made from
     std::vector<NotedLimit> noted_limits;  ///< of the running evaluation; memory for every element where limits are
     /// [limit] Bits of the lanes whose multiplier, and whose candidate, may be other than zero: few are, and the others
@@ -360,7 +361,8 @@ std::size_t memory_bytes(const SkinChunk<T>& chunk);
 template <class T>
 void resize_fields(SkinChunk<T>& chunk);
 
-/// Whether a chunk has work memory of its own: what is solved together with bodies, or is linear, has.
+/// Whether a chunk has work memory of its own: what is solved together with bodies, or is linear, has; then solve_skins
+/// does not read its contact.
 template <class T>
 bool has_own_work(const SkinChunk<T>& c) {
     return c.shared_work < 0 || c.has_bodies || !c.linear.pairs.empty();
@@ -370,6 +372,7 @@ bool has_own_work(const SkinChunk<T>& c) {
 struct WorkMemory {
     std::vector<SkinChunk<double>> doubles;
     std::vector<SkinChunk<float>> floats;
+    double read_s = 0;  ///< what reading contact took in this step [s]
 };
 
 /// All chunks of a world, by precision.

@@ -13,7 +13,8 @@ enum class Role {
     input,    ///< written before the step, for it
     output,   ///< of the step, read after it
     scratch,  ///< nothing that outlives the step
-    work,     ///< nothing that outlives the solve of its chunk: chunks may take turns with it (work_memory.h)
+    work,     ///< nothing that outlives solving its chunk and reading its contact: chunks may take turns with it
+              ///< (work_memory.h)
 };
 /// What each of its parts belongs to.
 enum class Owner { lane, slot, pair_of_slots };
@@ -132,7 +133,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     const FieldSizes n(c);
     auto& w = c.scratch;
     auto work_of = [&](std::size_t size) { return Field{work, lane, has_own_work(c) ? size : 0}; };
-    visit(w.start_position, Field{scratch, lane, 3 * n.N});
+    visit(w.start_position, work_of(3 * n.N));
     visit(w.start_bone, Field{scratch, lane, 7});
     visit(w.inertia_target, work_of(3 * n.N));
     visit(w.bone_springs, Field{input, lane, 9 * std::size_t(bone_spring_count)});
@@ -142,8 +143,8 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.slot_round, Field{scratch, slot, 1});
     visit(w.slot_friction, Field{scratch, slot, 1});
     visit(w.slot_stiffness, Field{scratch, slot, 1});
-    visit(w.skin_normal, Field{scratch, lane, 3 * n.corners});
-    visit(w.bulge, Field{scratch, lane, 3 * n.curved});
+    visit(w.skin_normal, work_of(3 * n.corners));
+    visit(w.bulge, work_of(3 * n.curved));
     visit(w.rise, Field{scratch, slot, n.curved});
     visit(w.slot_body, Field{scratch, slot, 1});
     visit(w.slot_frame, Field{scratch, slot, 24});
@@ -155,7 +156,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.permuted, work_of(3 * n.unknowns));
     auto of_matrix = [&](std::size_t size) { return c.keeps_matrix ? Field{state, lane, size} : work_of(size); };
     visit(w.blocks, of_matrix(9 * std::size_t(c.topology->block_count)));
-    visit(w.factor, work_of(c.width > 1 ? 9 * std::size_t(c.topology->pattern.block_count) : 0));
+    visit(w.factor, work_of(c.width > 1 ? 9 * std::size_t(c.topology->block_count) : 0));  // holds blocks, too
     visit(w.panels, work_of(c.width == 1 ? std::size_t(c.topology->supernodes.panel_scalars) : 0));
     visit(w.panel_work, work_of(c.width == 1 ? std::size_t(c.topology->supernodes.work_scalars) : 0));
     visit(w.first_direction, work_of(n.samples > 0 || n.limited > 0 ? n.everything : 0));

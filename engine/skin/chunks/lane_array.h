@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <initializer_list>
 #include <memory>
 #include <new>
 #include <utility>
@@ -23,14 +24,15 @@ struct CacheAligned {
 template <class T>
 using LaneArray = std::vector<T, CacheAligned<T>>;
 
-/// An array that is written at load, and may be one memory of several chunks (share_rest). Who writes later makes it
-/// its own first.
+/// An array that is written at load, and may be one memory of several chunks (share_rest), or fingers. Who writes later
+/// makes it its own first.
 template <class T>
 class RestArray {
   public:
     using value_type = T;
 
     RestArray() = default;
+    RestArray(std::initializer_list<T> values) : memory_(std::make_shared<LaneArray<T>>(values)) { look(); }
     RestArray(const RestArray& other) : memory_(other.memory_) {
         if (!other.is_shared()) own();
         look();
@@ -59,7 +61,16 @@ class RestArray {
         memory_->resize(size, value);
         look();
     }
+    void push_back(const T& value) {
+        own();
+        memory_->push_back(value);
+        look();
+    }
     void shrink_to_fit() {}
+
+    friend bool operator==(const RestArray& a, const RestArray& b) {
+        return std::equal(a.begin(), a.end(), b.begin(), b.end());
+    }
 
     bool is_shared() const { return memory_.use_count() > 1; }
     /// How many arrays have this memory.

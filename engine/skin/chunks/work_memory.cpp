@@ -33,6 +33,7 @@ SkinChunk<T> work_of(const SkinChunk<T>& like) {
     for_each_field(c, [&](auto& array, const Field& f) {
         if (f.role == Role::work) array.resize(numbers_per_lane(f, 0) * std::size_t(c.width));
     });
+    c.scratch.outward.resize(like.topology->samples.size());
     c.scratch.changed_columns.resize(like.scratch.changed_columns.size());
     c.scratch.candidate_limits.resize(like.scratch.loaded_limits.size(), all_lanes);
     return c;
@@ -104,6 +105,7 @@ void trade_work(SkinChunk<T>& c, SkinChunk<T>& memory, bool with_matrix) {
     for_each_field_of_both(c, memory, [](auto& a, auto& b, const Field& f) {
         if (f.role == Role::work) std::swap(a, b);
     });
+    std::swap(c.scratch.outward, memory.scratch.outward);
     std::swap(c.scratch.changed_columns, memory.scratch.changed_columns);
     std::swap(c.scratch.candidate_limits, memory.scratch.candidate_limits);
     if (!with_matrix) return;

@@ -28,10 +28,9 @@ bool keeps_none(const SkinChunk<T>& chunk);
 inline std::vector<SkinChunk<double>>& memory_of(WorkMemory& m, double) { return m.doubles; }
 inline std::vector<SkinChunk<float>>& memory_of(WorkMemory& m, float) { return m.floats; }
 
-/// Solves a chunk with the memory of one of those that solve at the same time.
+/// Solves a chunk that has no work memory of its own with that of one of those that solve at the same time.
 template <class T, class Solve>
 void with_work(SkinChunk<T>& c, WorkMemory& work, Solve solve) {
-    if (has_own_work(c)) return solve();
     SkinChunk<T>& memory = memory_of(work, T())[std::size_t(c.shared_work)];
     const bool with_matrix = c.keeps_matrix && keeps_none(c);
     trade_work(c, memory, with_matrix);

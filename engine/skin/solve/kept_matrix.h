@@ -194,16 +194,19 @@ inline unsigned take_other_limits(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>
     return other;
 }
 
-/// Copies of blocks that are to stay: in the factor's memory, for what follows makes the factor anew.
+/// Takes a matrix that was assembled in the factor's memory in the masked lanes; the others keep theirs.
 template <class R>
-inline void save_blocks(SkinChunk<ScalarOf<R>>& c) {
-    std::copy_n(c.scratch.blocks.data(), c.scratch.factor.size(), c.scratch.factor.data());
-}
-template <class R>
-inline void restore_blocks(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
+inline void take_assembled(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
+    constexpr std::size_t W9 = 9 * std::size_t(lane_width<R>);
     const MaskOf<R> mask = mask_from_bits<R>(lanes);
-    for (std::size_t i = 0; i < c.scratch.factor.size(); i += lane_width<R>)
-        store<R>(&c.scratch.blocks[i], select(mask, load<R>(&c.scratch.factor[i]), load<R>(&c.scratch.blocks[i])));
+    const BlockPattern& pattern = c.topology->pattern;
+    for (int b = 0; b < pattern.block_count; ++b) {
+        if (!pattern.in_matrix(b)) continue;
+        const auto* assembled = &c.scratch.factor[std::size_t(b) * W9];
+        auto* held = &c.scratch.blocks[std::size_t(b) * W9];
+        for (std::size_t i = 0; i < W9; i += std::size_t(lane_width<R>))
+            store<R>(held + i, select(mask, load<R>(assembled + i), load<R>(held + i)));
+    }
 }
 
 /// What an evaluation does with the matrices of a chunk.
@@ -229,10 +232,13 @@ inline Evaluation<R> evaluate_keeping(SkinChunk<ScalarOf<R>>& c, const SolverSet
     }
     if (kept != wanted) {
         const bool some_stay = c.keeps_matrix && (kept | others) != 0;
-        if (some_stay) save_blocks<R>(c);
+        if (some_stay) std::swap(c.scratch.blocks, c.scratch.factor);  // what follows makes the factor anew
         e = evaluate<R>(c, settings, exactness);
         kept &= ~take_other_limits<R>(c, e, kept);
-        if (some_stay) restore_blocks<R>(c, kept | others);
+        if (some_stay) {
+            std::swap(c.scratch.blocks, c.scratch.factor);
+            take_assembled<R>(c, ~(kept | others));
+        }
         assembled = true;
     }
     if (assembled) note_matrix<R>(c, e, mask_from_bits<R>(wanted & ~kept), request.keepable);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 
 #include "engine/skin/chunks/level_of_detail.h"
 #include "engine/skin/chunks/work_memory.h"
@@ -11,17 +12,29 @@ namespace palpate {
 
 namespace {
 
-/// `work`: memory of whoever solves it, for a chunk that has none of its own.
 template <class T>
-void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver, WorkMemory* work) {
+void solve_or_leave(SkinChunk<T>& c, const SolverSettings& solver) {
     if (c.rigid_lanes != 0) kernel_for(c).move_rigid(c, solver);
     if (active_lanes(c) == 0 || solved_with_others(c)) return;
-    if (work)
-        with_work(c, *work, [&] { solve_skin(c, solver); });
-    else
-        solve_skin(c, solver);
+    solve_skin(c, solver);
     end_slots(c, solver);
     settle_lanes(c, solver);
+}
+
+/// The same of a chunk that takes turns at `memory`; then read() reads its contact. Returns how long that took [s].
+template <class T, class Read>
+double solve_and_read(SkinChunk<T>& c, const SolverSettings& solver, WorkMemory& memory, Read read) {
+    const unsigned read_lanes = c.used_lanes & ~c.unchanged_lanes;
+    if (read_lanes == 0) return 0;
+    double seconds = 0;
+    with_work(c, memory, [&] {
+        if (active_lanes(c) == 0) c.scratch.start_position = c.state.position;  // it sleeps, and has not moved
+        solve_or_leave(c, solver);
+        const auto start = std::chrono::steady_clock::now();
+        read();
+        seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    });
+    return seconds;
 }
 
 }  // namespace
@@ -38,18 +51,32 @@ bool solved_apart(const SkinChunks& chunks) {
     return alone && together && !moves_both;
 }
 
-void solve_skins(const SolverSettings& solver, Threads& threads, SkinChunks& chunks) {
+double solve_skins(const SolverSettings& solver, const Table<Skin>& skins, Threads& threads, SkinChunks& chunks,
+                   Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
     const int count = chunks.count();
     if (chunks.work.empty()) {
-        auto solve = [&](int i) { chunks.with(i, [&](auto& c) { solve_or_leave(c, solver, nullptr); }); };
-        if (count == 1) return solve(0);
-        return threads.for_each(count, solve);
+        auto solve = [&](int i) { chunks.with(i, [&](auto& c) { solve_or_leave(c, solver); }); };
+        if (count == 1)
+            solve(0);
+        else
+            threads.for_each(count, solve);
+        return 0;
     }
     std::atomic<int> next = 0;
-    threads.for_each(std::min(threads.count(), int(chunks.work.size())), [&](int who) {
+    const int together = std::min(threads.count(), int(chunks.work.size()));
+    threads.for_each(together, [&](int who) {
         WorkMemory& work = chunks.work[std::size_t(who)];
-        for (int i = next++; i < count; i = next++) chunks.with(i, [&](auto& c) { solve_or_leave(c, solver, &work); });
+        work.read_s = 0;
+        for (int i = next++; i < count; i = next++)
+            chunks.with(i, [&](auto& c) {
+                if (has_own_work(c)) return solve_or_leave(c, solver);
+                work.read_s += solve_and_read(
+                    c, solver, work, [&] { extract_chunk(i, skins, solver.tolerance, chunks, couplings, surfaces); });
+            });
     });
+    double seconds = 0;
+    for (int who = 0; who < together; ++who) seconds += chunks.work[std::size_t(who)].read_s / together;
+    return seconds;
 }
 
 }  // namespace palpate
