@@ -77,8 +77,11 @@ struct BodySolve {
     int places = 0;                    ///< bodies and planes for which there is memory
     std::vector<int> parent;           ///< union-find over bodies, then lanes
     std::vector<int> lane_island;      ///< [coupled chunk][16]
-    std::vector<int> coupled;          ///< chunks near a body: doubles, then floats
-    std::vector<Island> islands;       ///< the last is that of sleeping bodies
+    /// Fingers (and soft objects) of islands by their numbers, with their places in lane_island: sums over them do not
+    /// depend on the chunks that they are in.
+    std::vector<std::pair<int, int>> fingers;
+    std::vector<int> coupled;     ///< chunks near a body: doubles, then floats
+    std::vector<Island> islands;  ///< the last is that of sleeping bodies
     int island_count = 0;
     StepCut cut;
     Eigen::MatrixXd matrix;  ///< of the largest island

@@ -124,15 +124,11 @@ int number_unknowns(Work& w, const Island& island) {
     std::vector<int>& first = w.soft.work.first;
     first.assign(w.s.lane_island.size(), -1);
     int count = 0;
-    for (int k = 0; k < int(w.s.coupled.size()); ++k)
-        with_chunk(w, k, [&](auto& c, const auto&) {
-            for (int lane = 0; lane < c.width; ++lane) {
-                const int i = island_of(w, k, lane);
-                if (i < 0 || &w.s.islands[std::size_t(i)] != &island) continue;
-                first[std::size_t(16 * k + lane)] = count;
-                count += 3 * int(c.topology->unknowns.size());
-            }
-        });
+    for (const auto& [finger, place] : w.s.fingers) {
+        if (&w.s.islands[std::size_t(w.s.lane_island[std::size_t(place)])] != &island) continue;
+        first[std::size_t(place)] = count;
+        with_chunk(w, place / 16, [&](auto& c, const auto&) { count += 3 * int(c.topology->unknowns.size()); });
+    }
     const int total = count + 6 * int(island.bodies.size());
     SoftWork& v = w.soft.work;
     for (Eigen::VectorXd* x : {&v.wanted, &v.residual, &v.solved, &v.search, &v.image, &v.whole_image, &v.direction})

@@ -281,11 +281,16 @@ void group(BodyWork& w) {
         s.islands[s.bodies[b].island].bodies.push_back(b);
     }
     std::fill(s.lane_island.begin(), s.lane_island.end(), -1);
+    s.fingers.clear();
     for (int k = 0; k < int(s.coupled.size()); ++k)
         with_chunk(w, k, [&](auto& c, const auto&) {
-            for (int lane = 0; lane < c.width; ++lane)
-                if ((active_lanes(c) >> lane) & 1u) s.lane_island[16 * k + lane] = island(bodies + 16 * k + lane);
+            for (int lane = 0; lane < c.width; ++lane) {
+                if (!((active_lanes(c) >> lane) & 1u)) continue;
+                s.lane_island[16 * k + lane] = island(bodies + 16 * k + lane);
+                s.fingers.emplace_back(c.finger[std::size_t(lane)], 16 * k + lane);
+            }
         });
+    std::sort(s.fingers.begin(), s.fingers.end());
 }
 
 }  // namespace
@@ -319,6 +324,7 @@ void reserve_islands(BodySolve& s, int places, int chunks) {
     s.bodies.reserve(std::size_t(places));
     s.parent.resize(n);
     s.lane_island.resize(16 * std::size_t(chunks));
+    s.fingers.reserve(16 * std::size_t(chunks));
     s.coupled.reserve(std::size_t(chunks));
     s.islands.resize(n + 1);
     for (Island& i : s.islands) i.bodies.reserve(std::size_t(places));

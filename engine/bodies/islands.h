@@ -60,13 +60,12 @@ void for_each_chunk(const BodyWork& w, Condition condition, Visit visit) {
     w.threads.for_each(count, one);
 }
 
-/// Calls visit(chunk, lane, island) for every lane, one after the other.
+/// Calls visit(chunk, lane, island) for every lane, one after the other, by their fingers' numbers.
 template <class Visit>
 void for_each_lane(const BodyWork& w, Visit visit) {
-    for (int k = 0; k < int(w.s.coupled.size()); ++k)
-        with_chunk(w, k, [&](auto& c, const auto&) {
-            for (int lane = 0; lane < c.width; ++lane)
-                if (island_of(w, k, lane) >= 0) visit(c, lane, w.s.islands[island_of(w, k, lane)]);
+    for (const auto& [finger, place] : w.s.fingers)
+        with_chunk(w, place / 16, [&, lane = place % 16, island = w.s.lane_island[place]](auto& c, const auto&) {
+            visit(c, lane, w.s.islands[island]);
         });
 }
 
