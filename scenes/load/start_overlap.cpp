@@ -213,10 +213,20 @@ void check_bodies(const Scene& scene, Problems& problems, const PosesNow& now) {
         }
 }
 
+/// Around a finger where it starts, world.
+Sphere sphere_around(const FingerSpec& f) {
+    Sphere out{f.start.position, 0};
+    for (const Point& p : f.mesh.nodes) out.radius = std::max(out.radius, norm(vec(p)));
+    return out;
+}
+
 void check_fingers_in_fingers(const Scene& scene, Problems& problems, const PosesNow& now) {
     const auto& fingers = scene.spec.fingers;
+    std::vector<Sphere> around;
+    for (const FingerSpec& f : fingers) around.push_back(sphere_around(f));
     for (std::size_t i = 0; i < fingers.size(); ++i)
         for (std::size_t j = i + 1; j < fingers.size(); ++j) {
+            if (norm(around[i].centre - around[j].centre) > around[i].radius + around[j].radius) continue;
             if (now.fingers.contains(fingers[i].name) && now.fingers.contains(fingers[j].name)) continue;
             const double depth = std::max(start_depth(fingers[i], fingers[j]), start_depth(fingers[j], fingers[i]));
             if (depth > finger_depth_said)

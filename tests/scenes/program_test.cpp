@@ -130,6 +130,22 @@ TEST(Program, ExplainNamesWhatIsBuiltAndWhatIsNot) {
         << automatic.out;
 }
 
+/// So many that chunks take turns at work memory.
+TEST(Program, ExplainsACrowd) {
+    ScratchFolder scratch;
+    const auto file = scratch.path / "crowd.toml";
+    std::ofstream scene(file);
+    scene << "duration_s = 0.01\n[solver]\npreset = \"fast\"\nprecision = \"float\"\n"
+             "[[object]]\nkind = \"plane\"\n";
+    for (int i = 0; i < 80; ++i)
+        scene << "[[finger]]\nshape = { finger = \"index\" }\ntrack = [ { t_s = 0, position_mm = [" << 40 * i
+              << ", 0, 20] } ]\n";
+    scene.close();
+    const Outcome o = palpate_program("explain " + file.string());
+    EXPECT_EQ(o.code, 0) << o.out;
+    EXPECT_NE(o.out.find("solve_skin"), std::string::npos);
+}
+
 TEST(Program, InterruptedRunsEndInTheRestPoseWithResults) {
     ScratchFolder scratch;
     const Outcome o =
