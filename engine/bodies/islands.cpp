@@ -49,7 +49,9 @@ bool may_touch(const BodyWork& w, int a, int b) {
     const ContactBody &of_a = w.s.objects[a], &of_b = w.s.objects[b];
     const double travel = fitted::near_gap + 2 * w.solver.dt * (of_a.speed + of_b.speed) + farthest_fall(w.solver);
     if (norm(of_a.centre - of_b.centre) > w.s.reach[a] + w.s.reach[b] + travel) return false;
-    return surface_point(*of_b.shape, of_b.pose, of_a.centre).distance < w.s.reach[a] + travel;
+    // Either way: over a wide table much is within the table's reach, and not near it.
+    return surface_point(*of_b.shape, of_b.pose, of_a.centre).distance < w.s.reach[a] + travel &&
+           surface_point(*of_a.shape, of_a.pose, of_b.centre).distance < w.s.reach[b] + travel;
 }
 
 double pair_friction(const BodyWork& w, const std::vector<PairFriction>& given, int a, int b) {

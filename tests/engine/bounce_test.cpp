@@ -172,6 +172,22 @@ TEST(Flight, IsAParabolaAtAnyStep) {
     }
 }
 
+/// Nor does it fall otherwise over a table that is wider than it is high above it.
+TEST(Flight, IsAParabolaOverAWideTable) {
+    const Shape shapes[] = {
+        testing::ball, {ShapeKind::box, {0.01, 0.015, 0.02}}, {ShapeKind::cylinder, {0.01, 0.02, 0}}};
+    for (const Shape& shape : shapes)
+        for (double dt : {1e-3, 5e-3, 20e-3}) {
+            SceneSpec spec = afloat(dt);
+            spec.gravity = {0, 0, -g};
+            spec.objects = {{"table", {ShapeKind::box, {0.4, 0.3, 0.02}}, {{0, 0, -0.3}, upright}, 0.4},
+                            body(shape, 0.02, {0, 0, 0})};
+            Lab lab(spec);
+            lab.run(0.14);
+            EXPECT_NEAR(lab.world.shapes[1].pose.position.z, -0.5 * g * 0.14 * 0.14, 1e-9) << 1e3 * dt;
+        }
+}
+
 /// A brick that tumbles about its middle axis turns over when Euler's equations say, and neither gains nor loses
 /// energy, however far it turns in a step.
 TEST(Flight, TumblesAsEulerSays) {
