@@ -326,9 +326,10 @@ TEST(Stress, RandomScenesBreakNoLaw) {
 TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     const ScratchFolder folder;
     int number = 0;
-    for (const char* seed : {"190",     "421",     "1093",    "1012206", "1012281", "1020712", "1030701", "1086042",
-                             "1087192", "1141479", "1146840", "1242751", "1797610", "1800828", "1808176", "1822584", "1911384",
-                             "2023280", "2101443", "2102225", "2125733", "2401135", "2600058", "3000227", "3000308"}) {
+    for (const char* seed :
+         {"190",     "421",     "1093",    "1012206", "1012281", "1020712", "1030701", "1086042", "1087192",
+          "1141479", "1146840", "1242751", "1797610", "1800828", "1808176", "1822584", "1911384", "2023280",
+          "2101443", "2102225", "2125733", "2401135", "2600058", "3000227", "3000308"}) {
         if (!testing::is_tried(number++, 5)) continue;
         const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) + " --out " +
                                           folder.path.string());
