@@ -30,6 +30,7 @@ void resize_fields(SkinChunk<T>& c) {
         c.scratch.loaded_limits.resize(limits, all_lanes);
         c.scratch.candidate_limits.resize(has_own_work(c) ? limits : 0, all_lanes);
     }
+    c.exchange.idle_columns.resize(c.has_bodies ? std::size_t(s.capacity) : 0);
     c.scratch.outward.resize(has_own_work(c) ? c.topology->samples.size() : 0);
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     for_each_field(c, [&](auto& array, const Field& f) {

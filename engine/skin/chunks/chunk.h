@@ -187,10 +187,11 @@ struct BodyExchange {
     LaneArray<T> slot_gradient;   ///< [slot][sample][xyz] contact's gradient
     LaneArray<T> slot_curvature;  ///< [slot][sample][3x3]
     LaneArray<T> columns;         ///< [slot][6][unknown][xyz] L^-1 times the coupling block of the Newton matrix
-    LaneArray<T> body_gradient;   ///< [slot][6] gradient along the body's motions
-    LaneArray<T> body_rhs;        ///< [slot][6] condensed right-hand side
-    LaneArray<T> body_matrix;     ///< [slot][slot][6x6] condensed matrix (Schur complement)
-    LaneArray<T> body_step;       ///< [slot][6] the bodies' part of the direction: written by the bodies' solve
+    std::vector<unsigned char> idle_columns;  ///< [slot] 1: they are all zero, for nothing touches the body
+    LaneArray<T> body_gradient;               ///< [slot][6] gradient along the body's motions
+    LaneArray<T> body_rhs;                    ///< [slot][6] condensed right-hand side
+    LaneArray<T> body_matrix;                 ///< [slot][slot][6x6] condensed matrix (Schur complement)
+    LaneArray<T> body_step;  ///< [slot][6] the bodies' part of the direction: written by the bodies' solve
 };
 
 /// Whether strain limits bear anything, so that nothing is spent where they do not. False says nothing.

@@ -73,6 +73,14 @@ inline Vec3<R> coupling_column(const Mat3<R>& K, const BodyMotion<R>& G, int k) 
     return k < 3 ? -K.column(k) : K * G.turn.column(k - 3);
 }
 
+/// The same for those of which some sample touches the body, as fill_columns has found them.
+template <class T, class Visit>
+inline void for_each_touched_body_slot(const SkinChunk<T>& c, Visit visit) {
+    for_each_body_slot(c, [&](int slot) {
+        if (c.exchange.idle_columns[std::size_t(slot)] == 0) visit(slot);
+    });
+}
+
 /// Writes the coupling blocks as right-hand sides, and the bodies' own part C of the matrix.
 template <class R>
 inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
@@ -84,6 +92,7 @@ inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
     for_each_body_slot(c, [&](int slot) {
         T* columns = &c.exchange.columns[6 * slot * stride];
         std::fill(columns, columns + 6 * stride, T(0));
+        unsigned char& idle = c.exchange.idle_columns[std::size_t(slot)] = 1;
         R C[6][6];
         for (auto& row : C)
             for (R& value : row) value = R(0);
@@ -91,6 +100,7 @@ inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
             const std::size_t s = slot * t.sample_count() + i;
             const Mat3<R> K = load_mat3<R>(&c.exchange.slot_curvature[9 * s * W]);
             if (!any(K[0][0] + K[1][1] + K[2][2] > R(0))) continue;
+            idle = 0;
             const Vec3<R> x = at_sample<R>(t, c.state.position.data(), i);
             const BodyMotion<R> G = body_motion<R>(c, slot, x);
             for (int k = 0; k < 6; ++k) {
@@ -109,6 +119,15 @@ inline void fill_columns(SkinChunk<ScalarOf<R>>& c) {
         T* matrix = &c.exchange.body_matrix[36 * std::size_t(slot * c.contacts.capacity + slot) * W];
         for (int k = 0; k < 36; ++k) store<R>(matrix + k * W, C[k / 6][k % 6]);
     });
+    // condense() writes the others of those that are touched.
+    for_each_body_slot(c, [&](int a) {
+        for_each_body_slot(c, [&](int b) {
+            if (a >= b || (c.exchange.idle_columns[std::size_t(a)] | c.exchange.idle_columns[std::size_t(b)]) == 0)
+                return;
+            T* matrix = &c.exchange.body_matrix[36 * std::size_t(a * c.contacts.capacity + b) * W];
+            std::fill(matrix, matrix + 36 * W, T(0));
+        });
+    });
 }
 
 /// columns <- L^-1 columns.
@@ -117,7 +136,7 @@ inline void solve_columns_forward(SkinChunk<ScalarOf<R>>& c) {
     constexpr int W3 = 3 * lane_width<R>;
     const SkinTopology& t = *c.topology;
     const std::size_t stride = t.unknowns.size() * W3;
-    for_each_body_slot(c, [&](int slot) {
+    for_each_touched_body_slot(c, [&](int slot) {
         auto* columns = &c.exchange.columns[6 * slot * stride];
         if constexpr (lane_width<R> == 1) {
             for (int k = 0; k < 6; ++k)
@@ -159,7 +178,7 @@ inline void condense(SkinChunk<ScalarOf<R>>& c, bool with_matrix) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>, W3 = 3 * W, half = 3;
     const std::size_t stride = c.topology->unknowns.size() * W3;
-    for_each_body_slot(c, [&](int a) {
+    for_each_touched_body_slot(c, [&](int a) {
         const T* of_a = &c.exchange.columns[6 * a * stride];
         R along[6][1];
         column_products<6, 1, R>(of_a, c.scratch.permuted.data(), stride, along);
@@ -167,7 +186,7 @@ inline void condense(SkinChunk<ScalarOf<R>>& c, bool with_matrix) {
             T* rhs = &c.exchange.body_rhs[(6 * a + k) * W];
             store<R>(rhs, load<R>(rhs) - along[k][0]);
         }
-        for_each_body_slot(c, [&](int b) {
+        for_each_touched_body_slot(c, [&](int b) {
             if (b < a || !with_matrix) return;
             const T* of_b = &c.exchange.columns[6 * b * stride];
             T* matrix = &c.exchange.body_matrix[36 * std::size_t(a * c.contacts.capacity + b) * W];
@@ -285,7 +304,7 @@ void coupled_direction(SkinChunk<ScalarOf<R>>& c, unsigned lanes, bool first) {
     const SkinTopology& t = *c.topology;
     const MaskOf<R> mask = mask_from_bits<R>(lanes);
     const std::size_t stride = t.unknowns.size() * W3;
-    detail::for_each_body_slot(c, [&](int slot) {
+    detail::for_each_touched_body_slot(c, [&](int slot) {
         R dy[6];
         for (int k = 0; k < 6; ++k) dy[k] = load<R>(&c.exchange.body_step[(6 * slot + k) * W]);
         const T* columns = &c.exchange.columns[6 * slot * stride];
@@ -315,67 +334,126 @@ void coupled_restore(SkinChunk<ScalarOf<R>>& c, unsigned lanes) {
                  select(mask, load<R>(&c.scratch.first_direction[i]), load<R>(&c.scratch.direction[i])));
 }
 
+namespace detail {
+
+/// What contact of a sample does at the end of a direction beyond its linearisation, and by how much its curvature has
+/// changed.
+template <class R>
+struct SampleResidual {
+    Vec3<R> residual{R(0), R(0), R(0)}, fixed_gradient{R(0), R(0), R(0)};  ///< `fixed`: of what no body moves
+    Mat3<R> change = Mat3<R>::zero(), fixed_curvature = Mat3<R>::zero();
+    bool idle = true;  ///< nothing touches, nor did
+};
+
+/// Adds what a body does that a slot's lanes touch with sample s, which is at `base` and makes `step`.
+template <class R>
+inline void add_body_residual(SkinChunk<ScalarOf<R>>& c, int slot, std::size_t s, const Vec3<R>& gradient,
+                              const Mat3<R>& curvature, const Vec3<R>& base, const Vec3<R>& step, const R& share,
+                              SampleResidual<R>& out) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>;
+    const std::size_t i = std::size_t(slot) * c.topology->sample_count() + s;
+    T *old_gradient = &c.exchange.slot_gradient[3 * i * W], *old_curvature = &c.exchange.slot_curvature[9 * i * W];
+    const Mat3<R> old = load_mat3<R>(old_curvature), now = changed_curvature(curvature, old, share);
+    const BodyMotion<R> G = body_motion<R>(c, slot, base);
+    const T* dy = &c.exchange.body_step[6 * slot * W];
+    const Vec3<R> moved = step + G.times(load_vec3<R>(dy), load_vec3<R>(dy + 3 * W));
+    const Vec3<R> r = gradient - load_vec3<R>(old_gradient) - old * moved;
+    out.residual += r;
+    out.change = out.change + (now - old);
+    store_vec3<R>(old_gradient, gradient);
+    store_mat3<R>(old_curvature, now);
+    add_vec3<R>(&c.exchange.body_rhs[6 * slot * W], r);  // minus G' r, G' = [-I; skew(arm)']
+    add_vec3<R>(&c.exchange.body_rhs[(6 * slot + 3) * W], -transposed_times(G.turn, r));
+}
+
+/// How many samples are looked at together: each slot is read once for all of them.
+template <class R>
+inline constexpr int residuals_together = std::max(8, samples_together<R>);
+
+/// The residuals of `count` samples from `first` on, which are at `base` and make `step`, against all slots. Where
+/// nothing touches, nor did, they are zero, and left out.
+template <class R>
+inline void find_sample_residuals(SkinChunk<ScalarOf<R>>& c, std::size_t first, int count, const Vec3<R>* base,
+                                  const Vec3<R>* step, const R& exactness, const R& share, SampleResidual<R>* out) {
+    using T = ScalarOf<R>;
+    constexpr int W = lane_width<R>, together = samples_together<R>;
+    const SkinTopology& t = *c.topology;
+    Vec3<R> x[residuals_together<R>];
+    SampleSurface<R> at[residuals_together<R>];
+    for (int k = 0; k < count; ++k)
+        x[k] = base[k] + at_sample<R>(t, c.scratch.direction.data(), first + std::size_t(k));
+    for (int slot = 0; slot < c.contacts.used; ++slot) {
+        const Slot<R> there = read_slot<R>(c, slot);
+        for (int k = 0; k < count; k += together)
+            find_sample_surfaces(c, there, first + std::size_t(k), std::min(together, count - k), x + k, at + k);
+        for (int k = 0; k < count; ++k) {
+            const std::size_t s = first + std::size_t(k), i = std::size_t(slot) * t.sample_count() + s;
+            if (!is_free_sample(t, s)) continue;
+            const SampleContact<R> contact = sample_contact<R>(c, there, s, at[k], exactness);
+            const ContactTerms<R>& terms = contact.terms;
+            if (!there.all_body && !contact.idle) {
+                out[k].fixed_gradient += there.of_others(terms.gradient);
+                out[k].fixed_curvature = out[k].fixed_curvature + there.of_others(terms.curvature);
+                out[k].idle = false;
+            }
+            if (!there.any_body) continue;
+            const T *gradient = &c.exchange.slot_gradient[3 * i * W], *old = &c.exchange.slot_curvature[9 * i * W];
+            if (contact.idle && all_zero<R>(gradient, 3) && all_zero<R>(old, 9)) continue;
+            add_body_residual(c, slot, s, there.of_bodies(terms.gradient), there.of_bodies(terms.curvature), base[k],
+                              step[k], share, out[k]);
+            out[k].idle = false;
+        }
+    }
+}
+
+}  // namespace detail
+
 /// What contact does at the end of the direction beyond its linearisation (direction.h): leaves it as right-hand side,
 /// and the new curvature in the matrix. The slots' poses are the bodies' at the end of the direction; body_step is the
 /// last addition to it.
 template <class R>
 void coupled_contact_residual(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings, unsigned lanes) {
     using T = ScalarOf<R>;
-    constexpr int W = lane_width<R>, W3 = 3 * W;
+    constexpr int W3 = 3 * lane_width<R>, together = detail::residuals_together<R>;
     const SkinTopology& t = *c.topology;
     const MaskOf<R> mask = mask_from_bits<R>(lanes);
     const R exactness = detail::given<R>(c, &LaneReport::exactness);
     const R share = detail::contact_share_of<R>(c, settings);
     place_slots(c);
     R squared(0);
-    const std::size_t S = t.sample_count();
     std::fill(c.exchange.body_rhs.begin(), c.exchange.body_rhs.end(), T(0));
     std::fill(c.scratch.sample_residual.begin(), c.scratch.sample_residual.end(), T(0));
-    for (std::size_t i = 0; i < samples_in_use<R>(c); ++i) {
-        if (!is_free_sample(t, i)) continue;
-        const Vec3<R> base = at_sample<R>(t, c.state.position.data(), i);
-        const Vec3<R> x = base + at_sample<R>(t, c.scratch.direction.data(), i);
-        const Vec3<R> step = at_free_sample<R>(t, c.scratch.permuted.data(), i);
-        Vec3<R> residual{R(0), R(0), R(0)};
-        Mat3<R> change = Mat3<R>::zero(), fixed_curvature = change;
-        Vec3<R> fixed_gradient = residual;
-        for (int slot = 0; slot < c.contacts.used; ++slot) {
-            const detail::Slot<R> there = detail::read_slot<R>(c, slot);
-            const ContactTerms<R> terms =
-                detail::sample_contact<R>(c, there, i, detail::sample_surface(c, there, i, x), exactness).terms;
-            if (!there.all_body) {
-                fixed_gradient += there.of_others(terms.gradient);
-                fixed_curvature = fixed_curvature + there.of_others(terms.curvature);
-            }
-            if (!there.any_body) continue;
-            const Vec3<R> gradient = there.of_bodies(terms.gradient);
-            T* old_gradient = &c.exchange.slot_gradient[3 * (slot * S + i) * W];
-            T* old_curvature = &c.exchange.slot_curvature[9 * (slot * S + i) * W];
-            const Mat3<R> old = load_mat3<R>(old_curvature);
-            const Mat3<R> curvature = detail::changed_curvature(there.of_bodies(terms.curvature), old, share);
-            const detail::BodyMotion<R> G = detail::body_motion<R>(c, slot, base);
-            const T* dy = &c.exchange.body_step[6 * slot * W];
-            const Vec3<R> moved = step + G.times(load_vec3<R>(dy), load_vec3<R>(dy + 3 * W));
-            const Vec3<R> r = gradient - load_vec3<R>(old_gradient) - old * moved;
-            residual += r;
-            change = change + (curvature - old);
-            store_vec3<R>(old_gradient, gradient);
-            store_mat3<R>(old_curvature, curvature);
-            detail::add_vec3<R>(&c.exchange.body_rhs[6 * slot * W], r);  // minus G' r, G' = [-I; skew(arm)']
-            detail::add_vec3<R>(&c.exchange.body_rhs[(6 * slot + 3) * W], -transposed_times(G.turn, r));
+    for (std::size_t first = 0, count = samples_in_use<R>(c); first < count; first += together) {
+        const int n = int(std::min<std::size_t>(together, count - first));
+        Vec3<R> base[together], step[together];
+        detail::SampleResidual<R> found[together];
+        for (int k = 0; k < n; ++k) {
+            const std::size_t s = first + std::size_t(k);
+            base[k] = at_sample<R>(t, c.state.position.data(), s);
+            if (is_free_sample(t, s)) step[k] = at_free_sample<R>(t, c.scratch.permuted.data(), s);
         }
-        T *all_gradient = &c.scratch.sample_gradient[i * W3], *all_curvature = &c.scratch.sample_curvature[3 * i * W3];
-        const Mat3<R> old = load_mat3<R>(all_curvature);
-        fixed_curvature = detail::changed_curvature(fixed_curvature, old, share);
-        residual += fixed_gradient - load_vec3<R>(all_gradient) - old * step;
-        change = change + (fixed_curvature - old);
-        store_vec3<R>(all_gradient, fixed_gradient);
-        store_mat3<R>(all_curvature, fixed_curvature);
-        residual = select(mask, residual, Vec3<R>{R(0), R(0), R(0)});
-        for (int k = 0; k < 9; ++k) change.m[k / 3][k % 3] = select(mask, change.m[k / 3][k % 3], R(0));
-        squared += dot(residual, residual);
-        detail::change_sample_block<R>(c, i, change);
-        store_vec3<R>(&c.scratch.sample_residual[i * W3], residual);
+        detail::find_sample_residuals(c, first, n, base, step, exactness, share, found);
+        for (int k = 0; k < n; ++k) {
+            const std::size_t s = first + std::size_t(k);
+            if (!is_free_sample(t, s)) continue;
+            T *all_gradient = &c.scratch.sample_gradient[s * W3],
+              *all_curvature = &c.scratch.sample_curvature[3 * s * W3];
+            if (found[k].idle && detail::all_zero<R>(all_gradient, 3) && detail::all_zero<R>(all_curvature, 9))
+                continue;
+            const Mat3<R> old = load_mat3<R>(all_curvature),
+                          curvature = detail::changed_curvature(found[k].fixed_curvature, old, share);
+            Vec3<R> residual =
+                found[k].residual + (found[k].fixed_gradient - load_vec3<R>(all_gradient) - old * step[k]);
+            Mat3<R> change = found[k].change + (curvature - old);
+            store_vec3<R>(all_gradient, found[k].fixed_gradient);
+            store_mat3<R>(all_curvature, curvature);
+            residual = select(mask, residual, Vec3<R>{R(0), R(0), R(0)});
+            change = select(mask, change, Mat3<R>::zero());
+            squared += dot(residual, residual);
+            detail::change_sample_block<R>(c, s, change);
+            store_vec3<R>(&c.scratch.sample_residual[s * W3], residual);
+        }
     }
     std::fill(c.scratch.permuted.begin(), c.scratch.permuted.end(), T(0));
     for (std::size_t i = 0; i < samples_in_use<R>(c); ++i)
