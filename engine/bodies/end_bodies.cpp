@@ -148,7 +148,8 @@ void put_to_sleep(Work& w) {
 }
 
 /// Forces that are no result are no load to begin the next step with, either: penalties grow with loads, and what those
-/// make of an overlap that is still there would be the next step's load.
+/// make of an overlap that is still there would be the next step's load. Nor are they what is reported (1e7 N on a box
+/// of 4 g in a falling tower, steps of 20 ms: random scene 1293977).
 void forget_no_results(Work& w) {
     auto is_none = [&](int object) {
         const int body = w.s.objects[object].body;
@@ -158,6 +159,10 @@ void forget_no_results(Work& w) {
         if (p.a >= 0 && (is_none(p.a) || is_none(p.b)))
             for (FeatureContact& c : p.contacts)
                 c.normal_multiplier = c.friction_radius = 0, c.tangential_multiplier = {0, 0, 0};
+    if (!w.solver.inertia) return;
+    for (std::size_t row = 0; row < w.bodies.size(); ++row)
+        if (misses_what_acted(w.bodies[row], w.s.bodies[row], fitted::no_load))
+            report_what_acted(w, w.bodies[row], w.s.bodies[row]);
 }
 
 }  // namespace

@@ -100,6 +100,10 @@ void balance_planes(BodyWork& work);
 /// early.
 bool misses_what_acted(const RigidBody& body, const BodyProgress& progress, double times);
 
+/// What acted on a body is what became of it: what its motion was changed by after the solve is a force of contact,
+/// too.
+void report_what_acted(const BodyWork& w, RigidBody& body, const BodyProgress& progress);
+
 /// No contact gives a body more energy than what it belongs to has lost: takes the rest from its velocity. Where a long
 /// step takes a body past something round, the force at the end of its way lies along that way, and works.
 void brake_gains(BodyWork& work);

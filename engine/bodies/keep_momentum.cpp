@@ -71,14 +71,6 @@ Eigen::Matrix3d inertia_of_whole(const Work& w, const Island& island, const Vec3
     return sum;
 }
 
-/// What acted on a body is what became of it: what its motion was changed by after the solve is a force of contact,
-/// too.
-void report_what_acted(const Work& w, RigidBody& body, const BodyProgress& b) {
-    body.acceleration = (1 / w.solver.dt) * (body.velocity - b.velocity_before);
-    body.contact_force = body.mass * body.acceleration - b.weight;
-    body.contact_torque = (1 / w.solver.dt) * (body.angular_momentum - b.momentum_before);
-}
-
 /// Gives an island the momentum back with which it began the step.
 void restore_island(Work& w, const Island& island) {
     auto body_of = [&](int row) -> RigidBody& { return w.bodies[std::size_t(row)]; };
@@ -146,6 +138,12 @@ void restore_untouched(Work& w) {
 }
 
 }  // namespace
+
+void report_what_acted(const BodyWork& w, RigidBody& body, const BodyProgress& b) {
+    body.acceleration = (1 / w.solver.dt) * (body.velocity - b.velocity_before);
+    body.contact_force = body.mass * body.acceleration - b.weight;
+    body.contact_torque = (1 / w.solver.dt) * (body.angular_momentum - b.momentum_before);
+}
 
 void keep_momentum(BodyWork& w) {
     if (!w.solver.inertia || w.bodies.empty()) return;
