@@ -39,7 +39,8 @@ struct Archetype {
 bool same_connectivity(const TetMesh& a, const TetMesh& b) {
     return a.nodes.size() == b.nodes.size() && a.tets == b.tets && a.bone_nodes == b.bone_nodes &&
            a.pad_nodes == b.pad_nodes && a.patches == b.patches && a.limit_patches == b.limit_patches &&
-           a.membrane_patches == b.membrane_patches && a.curved_skin == b.curved_skin;
+           a.limit_shares == b.limit_shares && a.membrane_patches == b.membrane_patches &&
+           a.curved_skin == b.curved_skin;
 }
 
 std::vector<Archetype> sort_into_archetypes(const SceneSpec& spec) {
@@ -70,6 +71,7 @@ SkinParameters parameters_of(const FingerSpec& f) {
     p.density = f.density;
     p.has_limits = f.has_limits;
     p.limit_low = f.element_low.empty() ? std::vector{f.limit_low} : f.element_low;
+    p.element_low_power = f.element_low_power;
     p.limit_high = f.element_high.empty() ? std::vector{f.limit_high} : f.element_high;
     return p;
 }

@@ -18,6 +18,7 @@ struct FingerSpec {
     double density = 1050;  ///< [kg/m^3]
     bool has_limits = false;
     double limit_low = 0.6, limit_high = 1.4;
+    int element_low_power = 2;  ///< where patches are limited, elements are by this power of their own lower limit
     /// Of elements that differ, [element]; empty where all are alike.
     std::vector<double> element_young, element_low, element_high;
     /// What elements that hold several layers have more along the skin than across it [Pa], and the skin's normal

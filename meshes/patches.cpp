@@ -206,30 +206,60 @@ void make_limit_patches(TetMesh& mesh, int count, int fewest) {
         if (mesh.patches[e] >= 0) mesh.limit_patches[e] = group[std::size_t(mesh.patches[e])];
 }
 
-void take_limit_patches(TetMesh& mesh, const TetMesh& coarse) {
-    const auto at = [](const TetMesh& m, int node) {
-        return Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(m.nodes[std::size_t(node)].data()));
-    };
-    const auto edges = [&](const TetMesh& m, std::size_t e) {
-        Eigen::Matrix3d D;
-        for (int k = 0; k < 3; ++k) D.col(k) = at(m, m.tets[e][std::size_t(k + 1)]) - at(m, m.tets[e][0]);
-        return D;
-    };
-    struct Cell {
-        Eigen::Matrix3d to_weights;
-        Eigen::Vector3d corner;
-        int patch;
-        /// Least of the barycentric weights: where it is negative, x is outside.
-        double inside(const Eigen::Vector3d& x) const {
-            const Eigen::Vector3d w = to_weights * (x - corner);
-            return std::min(w.minCoeff(), 1 - w.sum());
-        }
-    };
-    std::vector<Cell> cells;
-    for (std::size_t e = 0; e < coarse.tets.size(); ++e)
-        if (coarse.limit_patches[e] >= 0)
-            cells.push_back({edges(coarse, e).inverse(), at(coarse, coarse.tets[e][0]), coarse.limit_patches[e]});
+namespace {
 
+Eigen::Vector3d node_of(const TetMesh& mesh, int node) {
+    return Eigen::Map<const Eigen::Vector3d>(mesh.nodes[std::size_t(node)].data());
+}
+Eigen::Matrix3d edges_of(const TetMesh& mesh, std::size_t e) {
+    Eigen::Matrix3d D;
+    for (int k = 0; k < 3; ++k)
+        D.col(k) = node_of(mesh, mesh.tets[e][std::size_t(k + 1)]) - node_of(mesh, mesh.tets[e][0]);
+    return D;
+}
+
+/// An element of a coarse mesh that is in a limit patch.
+struct Cell {
+    Eigen::Matrix3d to_weights;
+    Eigen::Vector3d corner, middle;
+    double radius;  ///< around the middle
+    int patch;
+    /// Least of the barycentric weights: where it is negative, x is outside.
+    double inside(const Eigen::Vector3d& x) const {
+        const Eigen::Vector3d w = to_weights * (x - corner);
+        return std::min(w.minCoeff(), 1 - w.sum());
+    }
+};
+
+Cell cell_of(const TetMesh& mesh, std::size_t e) {
+    const Eigen::Matrix3d D = edges_of(mesh, e);
+    const Eigen::Vector3d corner = node_of(mesh, mesh.tets[e][0]), middle = corner + D.rowwise().sum() / 4;
+    double radius = 0;
+    for (int i : mesh.tets[e]) radius = std::max(radius, (node_of(mesh, i) - middle).norm());
+    return {D.inverse(), corner, middle, radius, mesh.limit_patches.empty() ? -1 : mesh.limit_patches[e]};
+}
+
+std::vector<Cell> limited_cells(const TetMesh& mesh) {
+    std::vector<Cell> cells;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+        if (mesh.limit_patches[e] >= 0) cells.push_back(cell_of(mesh, e));
+    return cells;
+}
+
+/// The patch of the cell that x is in, or nearest to.
+template <class Cells>
+int patch_at(const Cells& cells, const Eigen::Vector3d& x) {
+    int patch = -1;
+    double deepest = -HUGE_VAL;
+    for (const Cell& cell : cells)
+        if (const double inside = cell.inside(x); inside > deepest) deepest = inside, patch = cell.patch;
+    return patch;
+}
+
+}  // namespace
+
+void take_limit_patches(TetMesh& mesh, const TetMesh& coarse) {
+    const std::vector<Cell> cells = limited_cells(coarse);
     // By volume, as a patch's elements may differ in size.
     struct Part {
         Eigen::Vector3d moment = Eigen::Vector3d::Zero();
@@ -243,22 +273,50 @@ void take_limit_patches(TetMesh& mesh, const TetMesh& coarse) {
     };
     for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
         if (!deforms[e]) continue;
-        const Eigen::Matrix3d D = edges(mesh, e);
+        const Eigen::Matrix3d D = edges_of(mesh, e);
         Part& p = parts[part_of(e)];
-        p.moment += D.determinant() * (at(mesh, mesh.tets[e][0]) + D.rowwise().sum() / 4);
+        p.moment += D.determinant() * (node_of(mesh, mesh.tets[e][0]) + D.rowwise().sum() / 4);
         p.volume += D.determinant();
     }
     std::map<int, int> patch;
-    for (const auto& [number, part] : parts) {
-        const Eigen::Vector3d centre = part.moment / part.volume;
-        double deepest = -HUGE_VAL;
-        for (const Cell& cell : cells)
-            if (const double inside = cell.inside(centre); inside > deepest)
-                deepest = inside, patch[number] = cell.patch;
-    }
+    for (const auto& [number, part] : parts) patch[number] = patch_at(cells, part.moment / part.volume);
     mesh.limit_patches.assign(mesh.tets.size(), -1);
     for (std::size_t e = 0; e < mesh.tets.size(); ++e)
         if (deforms[e] && !cells.empty()) mesh.limit_patches[e] = patch.at(part_of(e));
+}
+
+void cut_limit_patches(TetMesh& mesh, const TetMesh& coarse) {
+    constexpr int rows = 6;              // of points along an edge: 56 in all
+    constexpr double least_share = 0.1;  // less is left to the others: it would couple nodes for nearly nothing
+    const std::vector<Cell> cells = limited_cells(coarse);
+    const std::vector<bool> deforms = element_graph(mesh).deforms;
+    mesh.limit_patches.assign(mesh.tets.size(), -1);
+    mesh.limit_shares.clear();
+    if (cells.empty()) return;
+    std::vector<Cell> near;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
+        if (!deforms[e]) continue;
+        const Cell own = cell_of(mesh, e);
+        near.clear();
+        for (const Cell& cell : cells)
+            if ((cell.middle - own.middle).norm() <= cell.radius + own.radius) near.push_back(cell);
+        const std::vector<Cell>& asked = near.empty() ? cells : near;
+        const Eigen::Matrix3d D = edges_of(mesh, e);
+        std::map<int, int> points;  // of each patch
+        for (int i = 0; i < rows; ++i)
+            for (int j = 0; i + j < rows; ++j)
+                for (int k = 0; i + j + k < rows; ++k)
+                    ++points[patch_at(asked, own.corner + D * Eigen::Vector3d(i + 0.25, j + 0.25, k + 0.25) / rows)];
+        int all = 0, most = 0, kept = 0;
+        for (const auto& [patch, count] : points) all += count;
+        for (const auto& [patch, count] : points) {
+            if (count > most) most = count, mesh.limit_patches[e] = patch;
+            if (count >= least_share * all) kept += count;
+        }
+        if (kept == most) continue;  // wholly in one, or nearly
+        for (const auto& [patch, count] : points)
+            if (count >= least_share * all) mesh.limit_shares.push_back({int(e), patch, double(count) / kept});
+    }
 }
 
 }  // namespace palpate

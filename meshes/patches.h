@@ -18,6 +18,10 @@ void make_limit_patches(TetMesh& mesh, int count, int fewest);
 /// patch of the coarser mesh may be left without any.
 void take_limit_patches(TetMesh& mesh, const TetMesh& coarse);
 
+/// The same parts of the finger, bounds included: elements that bounds of the coarser mesh's patches cut belong to
+/// several, by volume (mesh.limit_shares). What saturates is then as large, and where it was, in every mesh.
+void cut_limit_patches(TetMesh& mesh, const TetMesh& coarse);
+
 /// Groups the tetrahedra that have a face in the skin that can touch into connected, compact patches of about `size`
 /// (1 to 8): sets mesh.membrane_patches.
 void make_membrane_patches(TetMesh& mesh, int size);

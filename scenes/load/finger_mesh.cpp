@@ -73,10 +73,13 @@ constexpr int base_elements = 347, least_finer = 450;
 template <class Base>
 void group_elements(TetMesh& mesh, const FingerMeshRequest& r, Base base) {
     if (r.patch > 0 && mesh.patches.empty()) make_patches(mesh, r.patch);
-    if (r.patches_limited.value_or(false) && mesh.limit_patches.empty()) {
+    if (limits_patches(r) && mesh.limit_patches.empty()) {
         if (r.kind == FingerMeshRequest::Kind::conforming && r.elements >= least_finer) try {
-                take_limit_patches(mesh, base());
-            } catch (const InputError&) { mesh.limit_patches.clear(); }
+                if (r.limits_of == FingerMeshRequest::LimitsOf::regions)
+                    cut_limit_patches(mesh, base());
+                else
+                    take_limit_patches(mesh, base());
+            } catch (const InputError&) { mesh.limit_patches.clear(), mesh.limit_shares.clear(); }
         const LimitPatches wanted = r.patch > 5 ? larger_limit_patches : limit_patches;
         if (mesh.limit_patches.empty()) make_limit_patches(mesh, wanted.count, wanted.fewest);
     }
@@ -91,7 +94,8 @@ FingerMeshRequest base_of(FingerMeshRequest r) {
 /// What a template is made of, in full.
 std::string template_key(const FingerMeshRequest& r, double nail_drop) {
     std::string key = std::to_string(r.elements) + " " + std::to_string(r.patch) + " " +
-                      std::to_string(r.patches_limited.value_or(false)) + " " + std::to_string(r.layered);
+                      std::to_string(int(r.limits_of.value_or(FingerMeshRequest::LimitsOf::elements))) + " " +
+                      std::to_string(r.layered);
     const auto add = [&](double x) {
         char text[40];
         plain_snprintf(text, sizeof text, " %.17g", x);

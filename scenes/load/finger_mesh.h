@@ -20,15 +20,19 @@ struct FingerMeshRequest {
     std::optional<FingerOrientation> orientation{};  ///< of the file; absent: guessed
     int elements = 347;
     enum class Kind { uniform, conforming } kind = Kind::uniform;  ///< of a parametric finger or a surface
-    int patch = 0;                          ///< elements that share one change of volume; 0: none do
-    std::optional<bool> patches_limited{};  ///< strain limits are of patches, not of tetrahedra; absent: as usual
-    bool curved_skin = false;               ///< contact is decided on a skin that is round between nodes
-    double softening = 0;                   ///< of coarse meshes, which press too hard (softened_by)
-    bool layered = false;                   ///< has a skin: with patches of elements, patches of skin, too
-    bool by_default = false;                ///< kind and patch are those of scenes that say nothing of them
-    std::optional<int> scene_patch{};       ///< what the scene says of all fingers' patches
-    bool own_patch = false;                 ///< the finger itself says it
-    Grading grading;                        ///< of a conforming mesh
+    int patch = 0;  ///< elements that share one change of volume; 0: none do
+    /// Whose stretches strain limits hold: tetrahedra's, those of patches of whole tetrahedra, or of patches with
+    /// bounds that are the same in every mesh, and cut tetrahedra.
+    enum class LimitsOf { elements, patches, regions };
+    std::optional<LimitsOf> limits_of{};  ///< absent: as usual
+    bool curved_skin = false;             ///< contact is decided on a skin that is round between nodes
+    double softening = 0;                 ///< of coarse meshes, which press too hard (softened_by)
+    double limit_softening = 0;           ///< of their lower limits, which they reach too early
+    bool layered = false;                 ///< has a skin: with patches of elements, patches of skin, too
+    bool by_default = false;              ///< kind and patch are those of scenes that say nothing of them
+    std::optional<int> scene_patch{};     ///< what the scene says of all fingers' patches
+    bool own_patch = false;               ///< the finger itself says it
+    Grading grading;                      ///< of a conforming mesh
     FingerRegions regions;
     bool half_space = false;  ///< bone nodes by half-space instead of regions
     Point half_space_normal{0, 0, 1};
@@ -43,6 +47,11 @@ using FingerTemplates = std::map<std::string, TetMesh>;
 /// By how much moduli are divided: 1 + softening (347 / elements)^(2/3). What a mesh presses too hard goes with the
 /// area of its elements, as errors of linear elements do.
 double softened_by(double softening, std::size_t elements);
+
+/// Whether strain limits are of patches of some kind.
+inline bool limits_patches(const FingerMeshRequest& r) {
+    return r.limits_of.value_or(FingerMeshRequest::LimitsOf::elements) != FingerMeshRequest::LimitsOf::elements;
+}
 
 /// Builds the mesh and says in `note` what was built and guessed. Throws InputError.
 TetMesh make_finger_mesh(const FingerMeshRequest& request, FingerTemplates& templates, std::string& note);

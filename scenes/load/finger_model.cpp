@@ -72,13 +72,15 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
         "patch", r.patch, {0, 16},
         "Elements that share one change of volume (F-bar), so that nearly incompressible tissue does not lock; 0: "
         "none do. Corotational tissue alone takes them.");
-    int limited = r.patches_limited.value_or(true);
+    using LimitsOf = FingerMeshRequest::LimitsOf;
+    LimitsOf limited = r.limits_of.value_or(LimitsOf::patches);
     s.choice(
-        "limits", limited, {"elements", "patches"},
+        "limits", limited, {"elements", "patches", "regions"},
         "Whose stretches strain limits hold: each tetrahedron's, or those of the mean deformation of some 70 patches, "
-        "which change less with the mesh and saturate less in spots. Where nothing is said, patches of conforming "
-        "meshes, elements of others.");
-    if (s.has("limits")) r.patches_limited = limited == 1;
+        "which change less with the mesh and saturate less in spots. regions: patches whose bounds are the same in "
+        "every mesh, and cut tetrahedra; these go further than with patches. Where nothing is said, patches of "
+        "conforming meshes, elements of others.");
+    if (s.has("limits")) r.limits_of = limited;
     int curved = r.curved_skin;
     s.choice("skin", curved, {"flat", "curved"},
              "What touches between nodes. flat: the mesh's faces, which are touched later than the skin that they "
@@ -87,6 +89,9 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
     r.curved_skin = curved == 1;
     s.number("softening", r.softening, unit::one, {0, 2},
              "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3).");
+    s.number("limit_softening", r.limit_softening, unit::one, {0, 1},
+             "Of coarse meshes, which are pressed together to their limits too early: lower limits are raised to the "
+             "power of 1 + limit_softening (347 / tetrahedra)^(2/3).");
 }
 
 namespace {
@@ -99,8 +104,12 @@ void settle_default_mesh(const Section& mesh, FingerModel& m) {
     r.own_patch |= mesh.has("patch");
     const auto settle_limits = [&] {
         const bool corotational = m.spec.material == Material::corotational;
-        if (!r.patches_limited) r.patches_limited = r.kind == FingerMeshRequest::Kind::conforming && corotational;
-        if (!mesh.has("limits") && !corotational) r.patches_limited = false;  // the scene said it of all fingers
+        using LimitsOf = FingerMeshRequest::LimitsOf;
+        if (!r.limits_of)
+            r.limits_of =
+                r.kind == FingerMeshRequest::Kind::conforming && corotational ? LimitsOf::patches : LimitsOf::elements;
+        // The scene said it of all fingers.
+        if (!mesh.has("limits") && !corotational) r.limits_of = LimitsOf::elements;
     };
     if (!r.by_default) return settle_limits();
     constexpr int fewest = 250;
@@ -125,7 +134,7 @@ void check_mesh(Section& s, Section& mesh, Section& material, const FingerModel&
     }
     if (mesh && r.patch > 0 && m.spec.material != Material::corotational && mesh.sound("patch"))
         mesh.complain("patch", "patches need corotational tissue: material = { kind = \"corotational\" }");
-    if (mesh && r.patches_limited.value_or(false) && m.spec.material != Material::corotational && mesh.sound("limits"))
+    if (mesh && limits_patches(r) && m.spec.material != Material::corotational && mesh.sound("limits"))
         mesh.complain("limits", "limits of patches need corotational tissue: material = { kind = \"corotational\" }");
     if (r.kind != FingerMeshRequest::Kind::conforming) return;
     if (mesh && r.source == FingerMeshRequest::Source::tets)
@@ -145,7 +154,7 @@ void read_mesh(Section& s, const std::filesystem::path& folder, FingerModel& m, 
     read_how_meshed(s, r);
     const bool from_file = !surface.empty() || !tets.empty();
     const bool only_how = s.has("kind") || s.has("coarse") || s.has("bone") || s.has("patch") || s.has("limits") ||
-                          s.has("skin") || s.has("softening");
+                          s.has("skin") || s.has("softening") || s.has("limit_softening");
     if (!from_file && s.in_file() && !only_how && s.sound("surface") && s.sound("tets"))
         s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
     if (!surface.empty() && !tets.empty()) s.complain("surface", "expected either surface = \"...\" or tets = \"...\"");
@@ -350,6 +359,13 @@ void soften(FingerSpec& f, double by) {
         for (double& modulus : *moduli) modulus /= by;
 }
 
+void lower_limits(FingerSpec& f, double power) {
+    if (power <= 1) return;
+    const auto lower = [&](double& low) { low = std::max(finger_bounds::limit_low.low, std::pow(low, power)); };
+    lower(f.limit_low);
+    for (double& low : f.element_low) lower(low);
+}
+
 }  // namespace
 
 std::string too_stiff_a_layer(const FingerModel& m, const FingerSpec& built) {
@@ -367,11 +383,15 @@ std::string too_stiff_a_layer(const FingerModel& m, const FingerSpec& built) {
 FingerSpec build_finger(const FingerModel& m, FingerTemplates& templates, std::string& note) {
     FingerSpec f = m.spec;
     FingerMeshRequest request = m.mesh;
-    if (!f.has_limits) request.patches_limited = false;
+    if (!f.has_limits) request.limits_of = FingerMeshRequest::LimitsOf::elements;
     request.layered = !m.layers.empty();
     f.mesh = make_finger_mesh(request, templates, note);
     apply_layers(m.layers, f);
     soften(f, softened_by(request.softening, f.mesh.tets.size()));
+    lower_limits(f, softened_by(request.limit_softening, f.mesh.tets.size()));
+    // By the squares of lower limits, elements of fine meshes are held before their patch is, the earlier the finer
+    // they are; by fourth powers, some steps beyond 20 N do not converge.
+    if (request.limits_of == FingerMeshRequest::LimitsOf::regions) f.element_low_power = 3;
     if (!m.layers.empty()) note += ", " + std::to_string(m.layers.size() + 1) + " layers of tissue";
     return f;
 }
@@ -411,12 +431,14 @@ void write_finger_file(const std::filesystem::path& path, const FingerModel& m,
     if (r.kind == FingerMeshRequest::Kind::conforming)
         how << "kind = \"conforming\", coarse = " << r.grading.coarse << ", bone = " << r.grading.bone << ", ";
     how << "patch = " << r.patch;
-    const bool limited = r.patches_limited.value_or(false);
-    if (limited) how << ", limits = \"patches\"";
+    const bool limited = limits_patches(r);
+    if (limited)
+        how << ", limits = \"" << (r.limits_of == FingerMeshRequest::LimitsOf::regions ? "regions" : "patches") << '"';
     if (r.curved_skin) how << ", skin = \"curved\"";
     if (r.softening > 0) how << ", softening = " << r.softening;
-    const bool plain =
-        r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !limited && !r.curved_skin && r.softening == 0;
+    if (r.limit_softening > 0) how << ", limit_softening = " << r.limit_softening;
+    const bool plain = r.kind == FingerMeshRequest::Kind::uniform && r.patch == 0 && !limited && !r.curved_skin &&
+                       r.softening == 0 && r.limit_softening == 0;
     if (r.source == FingerMeshRequest::Source::parametric)
         out << "shape = { length_mm = " << r.shape.length / mm << ", width_mm = " << r.shape.width / mm
             << ", thickness_mm = " << r.shape.thickness / mm << ", pad_bulge = " << r.shape.pad_bulge

@@ -99,7 +99,7 @@ void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerM
     if (named.ends_with(".toml")) scene.files.push_back(folder / named);
     const FingerMeshRequest plain;  // what a file says nothing of is as it was when it was written
     m.mesh.kind = plain.kind, m.mesh.patch = plain.patch, m.mesh.grading = plain.grading, m.mesh.by_default = false;
-    m.mesh.patches_limited = false, m.mesh.scene_patch.reset();
+    m.mesh.limits_of = FingerMeshRequest::LimitsOf::elements, m.mesh.scene_patch.reset();
     Problems found{problems.file, {}};
     read_named_finger(named, folder, m, found);
     if (!found.messages.empty()) s.complain_as_found("finger", found.messages);
@@ -112,7 +112,8 @@ FingerSpec build_as_can_be(FingerModel& m, FingerTemplates& templates, std::stri
     if (m.mesh.by_default && m.mesh.kind == FingerMeshRequest::Kind::conforming) try {
             return build_finger(m, templates, note);
         } catch (const InputError&) {
-            m.mesh.kind = FingerMeshRequest::Kind::uniform, m.mesh.patch = 0, m.mesh.patches_limited = false;
+            m.mesh.kind = FingerMeshRequest::Kind::uniform, m.mesh.patch = 0;
+            m.mesh.limits_of = FingerMeshRequest::LimitsOf::elements;
             FingerSpec uniform = build_finger(m, templates, note);
             note += ", uniform: no sound conforming mesh of this shape was found";
             return uniform;

@@ -330,6 +330,9 @@ std::uint64_t fingerprint(const Simulation& s) {
         a.bytes(f.mesh.tets.data(), f.mesh.tets.size() * sizeof f.mesh.tets[0]);
         a.bytes(f.mesh.patches.data(), f.mesh.patches.size() * sizeof f.mesh.patches[0]);
         a.bytes(f.mesh.limit_patches.data(), f.mesh.limit_patches.size() * sizeof f.mesh.limit_patches[0]);
+        for (const LimitShare& s : f.mesh.limit_shares)
+            for (double v : {double(s.tet), double(s.patch), s.share}) number(v);
+        if (f.element_low_power != 2) number(f.element_low_power);
         if (f.mesh.curved_skin) number(1);
         a.bytes(f.mesh.membrane_patches.data(), f.mesh.membrane_patches.size() * sizeof f.mesh.membrane_patches[0]);
         for (double v : {f.young_modulus, f.poisson_ratio, f.density, f.limit_low, f.limit_high, f.coupling.stiffness,

@@ -42,14 +42,19 @@ std::vector<Vec3<double>> limited_stretches(const TetMesh& mesh, const std::vect
     const std::size_t count = mesh.tets.size();
     std::vector<Vec3<double>> out(count);
     std::vector<Deformation> of_patch;
+    const auto add = [&](int patch, double share, const Deformation& own) {
+        if (std::size_t(patch) >= of_patch.size()) of_patch.resize(std::size_t(patch) + 1);
+        Deformation& whole = of_patch[std::size_t(patch)];
+        whole.volume += share * own.volume;
+        whole.times_volume = whole.times_volume + share * own.times_volume;
+    };
+    auto share = mesh.limit_shares.begin();
     for (std::size_t e = 0; e < count; ++e) {
         const Deformation own = deformation_of(corners(mesh.nodes, mesh.tets[e]), corners(now, mesh.tets[e]));
         out[e] = stretches(own);
         if (mesh.limit_patches.empty() || mesh.limit_patches[e] < 0) continue;
-        const auto patch = std::size_t(mesh.limit_patches[e]);
-        if (patch >= of_patch.size()) of_patch.resize(patch + 1);
-        of_patch[patch].volume += own.volume;
-        of_patch[patch].times_volume = of_patch[patch].times_volume + own.times_volume;
+        if (share == mesh.limit_shares.end() || share->tet != int(e)) add(mesh.limit_patches[e], 1, own);
+        for (; share != mesh.limit_shares.end() && share->tet == int(e); ++share) add(share->patch, share->share, own);
     }
     for (std::size_t e = 0; e < mesh.limit_patches.size(); ++e)
         if (mesh.limit_patches[e] >= 0) out[e] = stretches(of_patch[std::size_t(mesh.limit_patches[e])]);

@@ -10,32 +10,41 @@
 #include "scenes/load/scene.h"
 #include "scenes/load/section.h"
 #include "tests/scenes/named_finger.h"
+#include "tests/support.h"
 
 namespace palpate {
 namespace {
 
-TetMesh preset_mesh(int elements, bool limited) {
+using LimitsOf = FingerMeshRequest::LimitsOf;
+
+TetMesh preset_mesh(int elements, bool limited, LimitsOf limits = LimitsOf::patches) {
     FingerModel m = testing::named("index-median");
     m.mesh.elements = elements;
+    m.mesh.limits_of = limits;
     m.spec.has_limits = limited;
     return testing::built(m).mesh;
 }
 
-/// Centres of a mesh's limit patches, by number.
+/// Centres of a mesh's limit patches, by number; with what of each element is in each.
 std::map<int, Point> patch_centres(const TetMesh& mesh) {
     std::map<int, Point> sum;
     std::map<int, double> volume;
-    for (std::size_t e = 0; e < mesh.tets.size(); ++e) {
-        if (mesh.limit_patches[e] < 0) continue;
+    std::vector<LimitShare> parts = mesh.limit_shares;
+    for (std::size_t e = 0; e < mesh.tets.size(); ++e)
+        if (mesh.limit_patches[e] >= 0 &&
+            std::none_of(parts.begin(), parts.end(), [&](const LimitShare& s) { return s.tet == int(e); }))
+            parts.push_back({int(e), mesh.limit_patches[e], 1});
+    for (const auto& [tet, patch, share] : parts) {
+        const auto e = std::size_t(tet);
         Eigen::Matrix3d edges;
         for (int k = 0; k < 3; ++k)
             for (int d = 0; d < 3; ++d)
                 edges(d, k) = mesh.nodes[std::size_t(mesh.tets[e][std::size_t(k + 1)])][std::size_t(d)] -
                               mesh.nodes[std::size_t(mesh.tets[e][0])][std::size_t(d)];
-        const double v = edges.determinant() / 6;
-        volume[mesh.limit_patches[e]] += v;
+        const double v = share * edges.determinant() / 6;
+        volume[patch] += v;
         for (int i : mesh.tets[e])
-            for (std::size_t d = 0; d < 3; ++d) sum[mesh.limit_patches[e]][d] += v * mesh.nodes[std::size_t(i)][d] / 4;
+            for (std::size_t d = 0; d < 3; ++d) sum[patch][d] += v * mesh.nodes[std::size_t(i)][d] / 4;
     }
     for (auto& [patch, centre] : sum)
         for (double& x : centre) x /= volume[patch];
@@ -67,6 +76,65 @@ TEST(LimitPatches, AreTheSamePartsOfTheFingerInEveryMesh) {
         }
     }
     EXPECT_TRUE(preset_mesh(347, false).limit_patches.empty()) << "nothing is limited";
+}
+
+/// Bounds that cut elements are those of the coarse mesh: patches are nearer to where they are there.
+TEST(LimitPatches, ThatCutElementsAreWhereTheyAre) {
+    const auto base = patch_centres(preset_mesh(347, true, LimitsOf::regions));
+    const auto off = [&](const TetMesh& mesh) {
+        double sum = 0;
+        const auto centres = patch_centres(mesh);
+        EXPECT_EQ(centres.size(), base.size());
+        for (const auto& [patch, c] : centres) {
+            const Point& b = base.at(patch);
+            sum += std::hypot(c[0] - b[0], c[1] - b[1], c[2] - b[2]) / double(centres.size());
+        }
+        return sum;
+    };
+    for (const int elements : {1000, 2800}) {
+        const TetMesh mesh = preset_mesh(elements, true, LimitsOf::regions);
+        // What is left is the skin beyond the coarse mesh's chords.
+        EXPECT_LT(off(mesh), 0.7e-3) << elements;
+        EXPECT_LT(off(mesh), 0.9 * off(preset_mesh(elements, true))) << elements;
+        ASSERT_FALSE(mesh.limit_shares.empty());
+        for (auto s = mesh.limit_shares.begin(); s != mesh.limit_shares.end();) {
+            double sum = 0, most = 0;
+            int main = -1;
+            const int tet = s->tet;
+            for (; s != mesh.limit_shares.end() && s->tet == tet; ++s) {
+                EXPECT_GE(s->share, 0.1);
+                sum += s->share;
+                if (s->share > most) most = s->share, main = s->patch;
+            }
+            EXPECT_NEAR(sum, 1, 1e-12);
+            EXPECT_EQ(mesh.limit_patches[std::size_t(tet)], main);
+            EXPECT_TRUE(s == mesh.limit_shares.end() || s->tet > tet);
+        }
+    }
+}
+
+/// A finger file keeps them, and coarse meshes go further before their limits act.
+TEST(LimitPatches, RegionsAndTheirSofteningAreWrittenAndRead) {
+    FingerModel m = testing::named("index-median");
+    m.mesh.limits_of = LimitsOf::regions, m.mesh.limit_softening = 0.5;
+    testing::ScratchFolder scratch;
+    write_finger_file(scratch.path / "regions.toml", m, {});
+    const FingerModel read = testing::named((scratch.path / "regions.toml").string());
+    EXPECT_EQ(read.mesh.limits_of, LimitsOf::regions);
+    EXPECT_EQ(read.mesh.limit_softening, 0.5);
+    const FingerSpec soft = testing::built(m);
+    m.mesh.limit_softening = 0;
+    const FingerSpec hard = testing::built(m);
+    ASSERT_EQ(soft.element_low.size(), hard.element_low.size());
+    const double power = softened_by(0.5, hard.mesh.tets.size());
+    EXPECT_NEAR(power, 1.5, 0.02);
+    EXPECT_EQ(hard.element_low_power, 3);
+    for (std::size_t e = 0; e < hard.element_low.size(); ++e) {
+        EXPECT_NEAR(soft.element_low[e], std::pow(hard.element_low[e], power), 1e-12);
+        EXPECT_EQ(soft.element_high[e], hard.element_high[e]);
+    }
+    m.mesh.limits_of = LimitsOf::patches;
+    EXPECT_EQ(testing::built(m).element_low_power, 2);
 }
 
 TEST(Patches, TissueThatTakesNoneIsSaidToLock) {

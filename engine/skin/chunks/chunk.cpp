@@ -140,19 +140,19 @@ void set_membrane_slopes(SkinChunk<T>& c, int lane, const std::vector<Point>& no
 }
 
 /// Limits of patches: their elements' means, by volume, and volume dF/dx of their nodes. Elements themselves are then
-/// held by the squares of their own limits: wide enough to leave it to their patch, and near enough that none is turned
+/// held by powers of their own limits: wide enough to leave it to their patch, and near enough that none is turned
 /// inside out under any load.
 template <class T>
-void set_patch_limits(SkinChunk<T>& c, int lane) {
+void set_patch_limits(SkinChunk<T>& c, int lane, int low_power) {
     const SkinTopology& t = *c.topology;
     const auto W = std::size_t(c.width), l = std::size_t(lane);
     const std::size_t elements = t.elements.size(), patches = t.limit_patches.size();
     std::vector<double> volume(patches, 0.0), mean(3 * patches, 0.0), slopes(3 * t.limit_nodes.size(), 0.0);
     RestArray<T>* const values[] = {&c.rest.limit_low, &c.rest.limit_high, &c.rest.limit_penalty};
-    for (std::size_t e = 0; e < elements; ++e) {
-        const auto k = std::size_t(t.element_limit_patch[e]);
+    for (const LimitPart& p : t.limit_parts) {
+        const auto e = std::size_t(p.element), k = std::size_t(p.patch);
         const LimitPatch& patch = t.limit_patches[k];
-        const double part = double(c.rest.volume[e * W + l]);
+        const double part = p.share * double(c.rest.volume[e * W + l]);
         volume[k] += part;
         for (std::size_t i = 0; i < 3; ++i) mean[3 * k + i] += part * double((*values[i])[e * W + l]);
         const auto nodes = t.limit_nodes.begin() + patch.first_node;
@@ -172,8 +172,10 @@ void set_patch_limits(SkinChunk<T>& c, int lane) {
     }
     for (std::size_t i = 0; i < slopes.size(); ++i) c.rest.limit_slopes[i * W + l] = T(slopes[i]);
     for (std::size_t e = 0; e < elements; ++e) {
-        c.rest.limit_low[e * W + l] *= c.rest.limit_low[e * W + l];
-        c.rest.limit_high[e * W + l] *= c.rest.limit_high[e * W + l];
+        T &low = c.rest.limit_low[e * W + l], &high = c.rest.limit_high[e * W + l];
+        const T own = low;
+        for (int k = 1; k < low_power; ++k) low *= own;
+        high *= high;
     }
 }
 
@@ -222,7 +224,7 @@ void set_elements(SkinChunk<T>& c, int lane, const SkinParameters& p) {
             compliance += double(c.rest.volume[e * W + lane]) / double(c.rest.lambda[e * W + lane]);
         c.rest.patch_bulk[k * std::size_t(W) + std::size_t(lane)] = T(1 / compliance);
     }
-    if (c.has_limits && !t.limit_patches.empty()) set_patch_limits(c, lane);
+    if (c.has_limits && !t.limit_patches.empty()) set_patch_limits(c, lane, p.element_low_power);
     if (c.has_membranes) set_membrane_slopes(c, lane, p.membrane_normal);
     c.skin_mass[lane] = c.skin_inertia[lane] = 0;
     for (int i = 0; i < t.node_count; ++i) {

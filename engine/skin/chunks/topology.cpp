@@ -258,16 +258,26 @@ void collect_limit_patches(SkinTopology& t, const TetMesh& mesh) {
         const int patch = mesh.limit_patches[std::size_t(e)];
         return patch >= 0 ? patch : -1 - e;
     };
+    for (std::size_t e = 0; e < t.elements.size(); ++e) {
+        const int tet = t.mesh_element[e];
+        auto share = std::lower_bound(mesh.limit_shares.begin(), mesh.limit_shares.end(), tet,
+                                      [](const LimitShare& s, int of) { return s.tet < of; });
+        if (share == mesh.limit_shares.end() || share->tet != tet) t.limit_parts.push_back({int(e), patch_of(tet), 1});
+        for (; share != mesh.limit_shares.end() && share->tet == tet; ++share)
+            t.limit_parts.push_back({int(e), share->patch, share->share});
+    }
     std::map<int, std::set<int>> nodes;  // of the patches that deform
-    for (std::size_t e = 0; e < t.elements.size(); ++e)
-        nodes[patch_of(t.mesh_element[e])].insert(t.elements[e].begin(), t.elements[e].end());
+    for (const LimitPart& part : t.limit_parts) {
+        const auto& tet = t.elements[std::size_t(part.element)];
+        nodes[part.patch].insert(tet.begin(), tet.end());
+    }
     std::map<int, int> number;
     for (const auto& [patch, of_patch] : nodes) {
         number[patch] = int(t.limit_patches.size());
         t.limit_patches.push_back({int(t.limit_nodes.size()), int(of_patch.size()), 0});
         t.limit_nodes.insert(t.limit_nodes.end(), of_patch.begin(), of_patch.end());
     }
-    for (int e : t.mesh_element) t.element_limit_patch.push_back(number.at(patch_of(e)));
+    for (LimitPart& part : t.limit_parts) part.patch = number.at(part.patch);
 }
 
 /// The only face that an element has in the skin that can touch, by the number of the node below it; -1: none, or

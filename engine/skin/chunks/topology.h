@@ -65,6 +65,12 @@ struct LimitPatch {
     int first_block = 0;                 ///< in limit_blocks: of the node pairs 00, 10, 11, 20, ...
 };
 
+/// What of an element's volume is in a limit patch.
+struct LimitPart {
+    int element, patch;
+    double share;
+};
+
 /// Elements with a face in the skin whose membranes resist their mean stretch.
 struct MembranePatch {
     int first = 0, count = 0;            ///< in membrane_elements
@@ -96,7 +102,7 @@ struct SkinTopology {
     std::vector<VolumePatch> patches;            ///< empty: every element has its own volume term
     std::vector<LimitPatch> limit_patches;       ///< empty: strain limits are of elements alone
     std::vector<int> limit_nodes, limit_blocks;  ///< as LimitPatch says
-    std::vector<int> element_limit_patch;        ///< [element] its limit patch; empty where there are none
+    std::vector<LimitPart> limit_parts;          ///< by element, of all; empty where there are no limit patches
     std::vector<int> patch_nodes, patch_blocks;  ///< as VolumePatch says
     std::vector<std::array<int, 4>>
         element_place;  ///< [element] its nodes' places in patch_nodes, from the patch's first
