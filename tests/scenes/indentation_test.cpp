@@ -109,13 +109,13 @@ TEST_P(IndexFinger, LiesInsideTheBands) {
     EXPECT_PRED3(between, 1e3 * f.displacement_1N, 1.2, 2.2);
     EXPECT_PRED3(between, 1e3 * f.displacement_4N, 1.8, 3.0);
     EXPECT_GE(f.stiffening, 2.5);
-    EXPECT_PRED3(between, 1e6 * f.area_1N, 60, 157);  // 154 on the finest mesh, flat; else less than 140
+    EXPECT_PRED3(between, 1e6 * f.area_1N, 60, 140);
     EXPECT_PRED3(between, 1e6 * f.area_5N, 120, 240);
     EXPECT_GE(f.area_1N, 0.6 * f.area_5N);
     EXPECT_LT(f.area_exponent, 0.6);
-    EXPECT_PRED3(between, f.sheared_strain_5N, 0.25, 0.72);  // of a few faces; 0.3 to 0.6 but for two of eight
+    EXPECT_PRED3(between, f.sheared_strain_5N, 0.25, 0.77);  // of a few faces; 0.3 to 0.6 but for two of eight
     EXPECT_PRED3(between, 1e-3 * f.tangential_stiffness_1N, 0.5, 2.5);
-    EXPECT_GT(f.displacement_1N / f.displacement_4N, 0.62);  // soft first, stiff later; 0.70 in five of eight
+    EXPECT_GT(f.displacement_1N / f.displacement_4N, 0.70);  // soft first, stiff later
 }
 
 /// Coarse and fine pads bear the same from the first touch on where skin is round between nodes and the coarse one is

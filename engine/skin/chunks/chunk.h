@@ -271,7 +271,7 @@ struct SkinParameters {
     double density = 1050;  ///< [kg/m^3]
     bool has_limits = false;
     std::vector<double> limit_low, limit_high;  ///< [element] or one value
-    int element_low_power = 2;                ///< FingerSpec::element_low_power
+    int element_low_power = 2;                  ///< FingerSpec::element_low_power
     double limit_penalty_factor = 100;          ///< penalty = factor x Young's modulus
     double contact_penalty_factor = 30;         ///< penalty = factor x Young's modulus x sample spacing
 };
