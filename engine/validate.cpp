@@ -43,6 +43,15 @@ void check_tissue(const FingerSpec& f, Complaints& c) {
     c.need(f.mesh.limit_patches.empty() ||
                (f.mesh.limit_patches.size() == f.mesh.tets.size() && f.material == Material::corotational),
            c.who + "limit patches must be one number per element, and need corotational tissue");
+    const auto& shares = f.mesh.limit_shares;
+    c.need(std::all_of(shares.begin(), shares.end(),
+                       [&](const LimitShare& s) {
+                           return s.tet >= 0 && std::size_t(s.tet) < f.mesh.limit_patches.size() && s.patch >= 0 &&
+                                  s.share > 0 && s.share <= 1;
+                       }) &&
+               std::is_sorted(shares.begin(), shares.end(),
+                              [](const LimitShare& a, const LimitShare& b) { return a.tet < b.tet; }),
+           c.who + "shares of limit patches must be of its elements, ascending, and between 0 and 1");
     c.need(f.mesh.membrane_patches.empty() || f.mesh.membrane_patches.size() == f.mesh.tets.size(),
            c.who + "membrane patches must be one number per element");
     c.need(f.skin_modulus == 0 || finger_bounds::young_modulus.holds(f.skin_modulus),

@@ -1,8 +1,10 @@
 // Elements that share one change of volume: what they must keep, and what they are for.
 
-#include "meshes/patches.h"
+#include <functional>
+
 #include "engine/skin/solve/kernels.h"
 #include "engine/step.h"
+#include "meshes/patches.h"
 #include "tests/engine/tissue.h"
 #include "tests/support.h"
 
@@ -293,6 +295,26 @@ TEST(Patches, LimitsOfPatchesHoldUnderAnyLoad) {
         EXPECT_GT(s.element_low, 0.05) << newtons << ": an element is turned inside out, or nearly";
         EXPECT_TRUE(c.status[0].converged) << newtons;
     }
+}
+
+TEST(Patches, SharesThatAreNoneAreRefused) {
+    const TetMesh sound = patched_block(3, 3, 3, 5, Limits::of_patches_that_cut_elements);
+    const auto refused = [&](const std::function<void(std::vector<LimitShare>&)>& spoil) {
+        SceneSpec scene;
+        FingerSpec& f = scene.fingers.emplace_back();
+        f.name = "block";
+        f.mesh = sound;
+        f.has_limits = true;
+        spoil(f.mesh.limit_shares);
+        const auto wrong = scene.validate();
+        return std::any_of(wrong.begin(), wrong.end(),
+                           [](const std::string& s) { return s.find("shares of limit patches") != std::string::npos; });
+    };
+    EXPECT_FALSE(refused([](auto&) {}));
+    EXPECT_TRUE(refused([&](auto& shares) { shares.back().tet = int(sound.tets.size()); }));
+    EXPECT_TRUE(refused([](auto& shares) { shares.front().patch = -1; }));
+    EXPECT_TRUE(refused([](auto& shares) { shares.front().share = NAN; }));
+    EXPECT_TRUE(refused([](auto& shares) { std::swap(shares.front(), shares.back()); }));
 }
 
 TEST(Patches, GiveTheSameBitsAloneAndInLanesAndAgreeInFloat) {
