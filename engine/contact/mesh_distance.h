@@ -33,7 +33,7 @@ struct DistanceMesh {
     bool smooth = true;
     std::array<int, 3> cells{0, 0, 0};
     Vec3<double> grid_low{0, 0, 0};
-    double cell = 0;  ///< edge [m]
+    double cell = 0, per_cell = 0;  ///< edge [m], and one over it [1/m]
     /// Where walls are thinner than cells resolve: finer cells, in bricks of 8x8x8 near the surface; exact distances
     /// where those are too coarse, too. In between the fields are blended.
     struct Fine {

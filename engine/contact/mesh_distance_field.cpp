@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 
 #include "engine/contact/fitted.h"
+#include "engine/contact/mesh_spline.h"
 
 namespace palpate {
 
@@ -20,67 +20,6 @@ using Vec = Vec3<double>;
 using Fine = DistanceMesh::Fine;
 
 using namespace fitted;
-
-/// A function with its derivatives at a point.
-struct SampledField {
-    double value;
-    Vec gradient;
-    Mat3<double> hessian;
-};
-
-/// Weights of three neighbouring cells at `from_middle` cells off the middle one's centre, and their derivatives.
-struct Spline {
-    std::array<double, 3> weight, slope;
-    explicit Spline(double t)
-        : weight{0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t)},
-          slope{t - 0.5, -2 * t, t + 0.5} {}
-};
-/// Three numbers along x, two of them in a register.
-struct Row {
-    using Pair = double __attribute__((vector_size(16)));
-    Pair pair;
-    double last;
-};
-/// From floats that follow each other.
-Row row_at(const float* first) {
-    using Floats = float __attribute__((vector_size(8)));
-    Floats pair;
-    std::memcpy(&pair, first, sizeof pair);
-    return {__builtin_convertvector(pair, Row::Pair), first[2]};
-}
-Row weighted(const Row* v, const std::array<double, 3>& w) {
-    return {w[0] * v[0].pair + w[1] * v[1].pair + w[2] * v[2].pair,
-            w[0] * v[0].last + w[1] * v[1].last + w[2] * v[2].last};
-}
-double sum(const Row& v, const std::array<double, 3>& w) { return w[0] * v.pair[0] + w[1] * v.pair[1] + w[2] * v.last; }
-
-/// Quadratic B-splines over 3x3x3 cells: once continuously differentiable, exact where the distance is linear.
-/// row(j, k): values of three cells along x. `away`: from the middle cell's centre [cells]; `per_cell`: one over its
-/// edge [1/m]. Second derivatives where the value is less than `band` from zero; else they are left at zero.
-template <class RowOf>
-SampledField spline_field(const Vec& away, double per_cell, double band, RowOf row) {
-    const Spline x(away.x), y(away.y), z(away.z);
-    constexpr std::array<double, 3> bend{1, -2, 1};
-    // Along y, then z, then x: by weights, slopes and second differences.
-    Row value[3], slope[3], bent[3];  // [k]
-    for (int k = 0; k < 3; ++k) {
-        const Row v[3] = {row(0, k), row(1, k), row(2, k)};
-        value[k] = weighted(v, y.weight), slope[k] = weighted(v, y.slope), bent[k] = weighted(v, bend);
-    }
-    const Row at = weighted(value, z.weight), in_y = weighted(slope, z.weight), in_z = weighted(value, z.slope);
-    SampledField f{sum(at, x.weight), per_cell * Vec{sum(at, x.slope), sum(in_y, x.weight), sum(in_z, x.weight)},
-                   Mat3<double>::zero()};
-    if (!(std::abs(f.value) < band)) return f;
-    const double scale = per_cell * per_cell;
-    Mat3<double>& h = f.hessian;
-    h[0][0] = scale * sum(at, bend);
-    h[1][1] = scale * sum(weighted(bent, z.weight), x.weight);
-    h[2][2] = scale * sum(weighted(value, bend), x.weight);
-    h[0][1] = h[1][0] = scale * sum(in_y, x.slope);
-    h[0][2] = h[2][0] = scale * sum(in_z, x.slope);
-    h[1][2] = h[2][1] = scale * sum(weighted(slope, z.slope), x.weight);
-    return f;
-}
 
 /// The cell of a grid that x lies in, or the one nearest to x; `away`: from its centre to x, in cells.
 std::array<int, 3> cell_of(const Vec& x, const Vec& low, double cell, const std::array<int, 3>& cells, Vec& away) {
@@ -110,7 +49,7 @@ struct Place {
 };
 /// False where the field's 3x3x3 cells around x are not all there.
 bool find_place(const DistanceMesh& mesh, const Vec& x, Place& place) {
-    place.per_cell = 1 / mesh.cell;
+    place.per_cell = mesh.per_cell;
     const Vec relative = place.per_cell * (x - mesh.grid_low);
     std::array<int, 3> at;
     for (int d = 0; d < 3; ++d) {
@@ -122,12 +61,19 @@ bool find_place(const DistanceMesh& mesh, const Vec& x, Place& place) {
     return true;
 }
 
-/// Splines over what row(index of a cell) says of the three cells of the coarse grid from there along x.
-template <class RowOf>
-SampledField coarse_field(const DistanceMesh& mesh, const Place& place, double band, RowOf row) {
+/// The 3x3x3 cells of the coarse grid around it.
+CellBlock coarse_cells(const DistanceMesh& mesh, const Place& place) {
     const std::size_t up = std::size_t(mesh.cells[0]), deep = up * mesh.cells[1];
-    const std::size_t first = place.cell - deep - up - 1;
-    return spline_field(place.away, place.per_cell, band, [&](int j, int k) { return row(first + k * deep + j * up); });
+    return {&mesh.grid.distance[place.cell - deep - up - 1], up, deep};
+}
+
+/// Splines over which of those cells are marked so: a share between 0 and 1.
+SampledField marked_field(const DistanceMesh& mesh, const Place& place, unsigned char mark) {
+    const std::size_t up = std::size_t(mesh.cells[0]), deep = up * mesh.cells[1];
+    const unsigned char* first = &mesh.fine.wall[place.cell - deep - up - 1];
+    float marked[28] = {};
+    for (std::size_t i = 0; i < 27; ++i) marked[i] = (first[i / 9 * deep + i / 3 % 3 * up + i % 3] & mark) != 0;
+    return spline_field(place.away, place.per_cell, {marked, 3, 9});
 }
 
 SampledField exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
@@ -138,7 +84,7 @@ SampledField exact_field(const DistanceMesh& mesh, const Vec& x, int guess) {
 constexpr int brick_cells = 8, brick_edge = brick_cells + 2;  ///< a brick knows its neighbours' outermost cells
 
 /// Splines over fine cells; exact where there are none.
-SampledField fine_field(const DistanceMesh& mesh, const Vec& x, double band, int guess) {
+SampledField fine_field(const DistanceMesh& mesh, const Vec& x, int guess) {
     const Fine& fine = mesh.fine;
     if (fine.cell <= 0) return exact_field(mesh, x, guess);
     const double per_cell = 1 / fine.cell;
@@ -155,9 +101,8 @@ SampledField fine_field(const DistanceMesh& mesh, const Vec& x, double band, int
     const int index = fine.brick[index_of(brick, fine.bricks)];
     if (index < 0) return exact_field(mesh, x, guess);
     const float* first = &fine.distance[std::size_t(index) * brick_edge * brick_edge * brick_edge];
-    return spline_field(away, per_cell, band, [&](int j, int k) {
-        return row_at(&first[((cell[2] + k) * brick_edge + cell[1] + j) * brick_edge + cell[0]]);
-    });
+    first += (cell[2] * brick_edge + cell[1]) * brick_edge + cell[0];
+    return spline_field(away, per_cell, {first, brick_edge, brick_edge * brick_edge});
 }
 
 /// a + w (b - a).
@@ -174,35 +119,27 @@ SampledField blend(const SampledField& a, const SampledField& b, const SampledFi
 /// the surface to zero 1 / `per_band` away from it, q = 1 / sqrt(m) - 1 with m = |grad phi|^2, which short gradients do
 /// not let vanish. The normal is the gradient of psi, of length one where psi = 0.
 MeshPoint of_unit_slope(const SampledField& f, double per_band) {
-    const double u = f.value * per_band;
-    if (!(std::abs(u) < 1)) return {f.value, f.gradient};
+    const double u = f.value * per_band, within = std::max(1 - u * u, 0.0);
     constexpr double least = least_gradient2;
     const double s = dot(f.gradient, f.gradient);
     const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
     const double inverse = 1 / std::sqrt(m), q = inverse - 1, dq = -0.5 * dm * inverse * inverse * inverse;
-    const double w = (1 - u * u) * (1 - u * u), dw = -4 * u * (1 - u * u) * per_band;
+    const double w = within * within, dw = -4 * u * within * per_band;
     return {f.value * (1 + w * q),
             (1 + w * q + f.value * dw * q) * f.gradient + (2 * f.value * w * dq) * (f.hessian * f.gradient)};
 }
 
 MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x, const Place& place) {
     const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[place.cell];
-    const double band = 0.5 * mesh.cell, per_band = 2 * place.per_cell, all = 1e300;
-    auto coarse = [&](double within) {
-        return coarse_field(mesh, place, within, [&](auto i) { return row_at(&mesh.grid.distance[i]); });
-    };
-    auto share = [&](unsigned char mark) {
-        auto has = [&](auto i) { return double((mesh.fine.wall[i] & mark) != 0); };
-        return coarse_field(mesh, place, all, [&](auto i) { return Row{Row::Pair{has(i), has(i + 1)}, has(i + 2)}; });
-    };
-    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(band), per_band);
+    const double per_band = 2 * place.per_cell;
+    auto coarse = [&] { return spline_field(place.away, place.per_cell, coarse_cells(mesh, place)); };
+    auto share = [&](unsigned char mark) { return marked_field(mesh, place, mark); };
+    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(), per_band);
     const int guess = mesh.grid.triangle[place.cell];
-    const bool mixed = !(kind & Fine::all_thin) || (kind & Fine::some_thinnest);
-    SampledField at =
-        kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, mixed ? all : band, guess);
+    SampledField at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, guess);
     if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
         at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
-    if (!(kind & Fine::all_thin)) at = blend(coarse(all), at, share(Fine::thin));
+    if (!(kind & Fine::all_thin)) at = blend(coarse(), at, share(Fine::thin));
     return of_unit_slope(at, per_band);
 }
 
@@ -217,13 +154,14 @@ void set_grid(DistanceMesh& mesh, double smoothing) {
     const double margin = 3 * contact_band;
     mesh.smooth = smoothing != 0;
     mesh.cell = std::max(smoothing > 0 ? smoothing : (longest + 2 * margin) / 48, (longest + 2 * margin) / 128);
+    mesh.per_cell = 1 / mesh.cell;
     for (int d = 0; d < 3; ++d) {
         mesh.grid_low[d] = box[0][d] - margin;
         mesh.cells[d] = int(std::ceil((box[1][d] - box[0][d] + 2 * margin) / mesh.cell));
     }
     DistanceMesh::Grid grid;
     const std::size_t count = std::size_t(mesh.cells[0]) * mesh.cells[1] * mesh.cells[2];
-    grid.distance.reserve(count), grid.triangle.reserve(count);
+    grid.distance.reserve(count + 1), grid.triangle.reserve(count);
     for (int k = 0; k < mesh.cells[2]; ++k)
         for (int j = 0; j < mesh.cells[1]; ++j)
             for (int i = 0; i < mesh.cells[0]; ++i) {
@@ -231,6 +169,7 @@ void set_grid(DistanceMesh& mesh, double smoothing) {
                 grid.distance.push_back(float(signed_point(mesh, f).distance));
                 grid.triangle.push_back(f.triangle);
             }
+    grid.distance.push_back(0);  // read beside the last cell, for nothing
     mesh.grid = std::move(grid);
 }
 
@@ -308,7 +247,7 @@ bool choose_bricks(DistanceMesh& mesh, std::vector<Vec>& corners) {
 void fill_bricks(DistanceMesh& mesh, const std::vector<Vec>& corners) {
     constexpr std::size_t size = std::size_t(brick_edge) * brick_edge * brick_edge;
     Fine& fine = mesh.fine;
-    fine.distance.resize(corners.size() * size);
+    fine.distance.resize(corners.size() * size + 1);
     oneapi::tbb::parallel_for(0, int(corners.size()), [&](int brick) {
         float* out = &fine.distance[brick * size];
         int guess = 0;

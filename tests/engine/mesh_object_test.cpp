@@ -1,10 +1,13 @@
 // Triangle meshes as objects: distance and sign against brute force, the smooth field, mass, and a body of a mesh.
 
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <map>
+#include <random>
 
 #include "engine/bodies/rigid_body.h"
+#include "engine/contact/mesh_spline.h"
 #include "engine/step.h"
 #include "meshes/input_error.h"
 #include "meshes/triangle_tree.h"
@@ -93,6 +96,37 @@ TEST(MeshObject, DistanceAndSignAreThoseOfBruteForce) {
         EXPECT_LT(worst, 1e-6);
         EXPECT_LT(worst_direction, 1e-9);
         EXPECT_EQ(wrong_sign, 0);
+    }
+}
+
+/// Splines over cells of noise: derivatives are those of the values, in between and over the borders of cells; and
+/// every set of instructions gives the same bits.
+TEST(MeshObject, SplinesOverCellsHaveTheirDerivatives) {
+    std::mt19937 random(7);
+    std::normal_distribution<float> noise(0, 1e-3f);
+    std::uniform_real_distribution<double> place(-0.5, 0.5);
+    const double per_cell = 400;
+    for (int trial = 0; trial < 200; ++trial) {
+        std::array<float, 4 * 4 * 4 + 1> cells{};
+        for (float& v : cells) v = noise(random);
+        const CellBlock block{cells.data(), 4, 16};
+        const Vec3<double> at{place(random), place(random), place(random)};
+        const SampledField f = spline_field(at, per_cell, block), plain = plain_spline_field(at, per_cell, block);
+        EXPECT_EQ(0, std::memcmp(&f, &plain, sizeof f));
+        const double h = 1e-4;  // cells
+        for (int d = 0; d < 3; ++d) {
+            Vec3<double> low = at, high = at;
+            low[d] -= h, high[d] += h;
+            const SampledField a = spline_field(low, per_cell, block), b = spline_field(high, per_cell, block);
+            EXPECT_NEAR(f.gradient[d], per_cell * (b.value - a.value) / (2 * h), 1e-7);
+            for (int e = 0; e < 3; ++e)
+                EXPECT_NEAR(f.hessian[e][d], per_cell * (b.gradient[e] - a.gradient[e]) / (2 * h), 1e-4);
+        }
+        // From the right side of one cell, and from the left side of the next.
+        const SampledField left = spline_field({0.5, at.y, at.z}, per_cell, block),
+                           right = spline_field({-0.5, at.y, at.z}, per_cell, {cells.data() + 1, 4, 16});
+        EXPECT_NEAR(left.value, right.value, 1e-15);
+        EXPECT_LT(norm(left.gradient - right.gradient), 1e-12);
     }
 }
 

@@ -1,0 +1,113 @@
+#include "engine/contact/mesh_spline.h"
+
+#include <array>
+#include <cstring>
+
+#ifdef __x86_64__
+#include <immintrin.h>
+#endif
+
+namespace palpate {
+
+namespace {
+
+#define PALPATE_IN_BOTH [[gnu::always_inline]] inline
+
+/// Weights of three neighbouring cells at `from_middle` cells off the middle one's centre, and their derivatives.
+struct Spline {
+    std::array<double, 3> weight, slope;
+};
+PALPATE_IN_BOTH Spline spline_at(double t) {
+    return {{0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t)}, {t - 0.5, -2 * t, t + 0.5}};
+}
+
+/// Four numbers side by side: three cells along x, and one that does not count; or four sums.
+using Row = double __attribute__((vector_size(32)));
+
+PALPATE_IN_BOTH Row weighted(const Row* v, const std::array<double, 3>& w) {
+    return w[0] * v[0] + w[1] * v[1] + w[2] * v[2];
+}
+/// Columns: the first, second and third numbers of four rows.
+struct Columns {
+    Row of[3];
+};
+PALPATE_IN_BOTH Columns transposed(const Row& a, const Row& b, const Row& c, const Row& d) {
+    const Row ab_even = __builtin_shufflevector(a, b, 0, 4, 2, 6), ab_odd = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+    const Row cd_even = __builtin_shufflevector(c, d, 0, 4, 2, 6), cd_odd = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+    return {{__builtin_shufflevector(ab_even, cd_even, 0, 1, 4, 5), __builtin_shufflevector(ab_odd, cd_odd, 0, 1, 4, 5),
+             __builtin_shufflevector(ab_even, cd_even, 2, 3, 6, 7)}};
+}
+
+/// rows[k][j]: of three cells along x.
+PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, SampledField& f) {
+    const Spline x = spline_at(away.x), y = spline_at(away.y), z = spline_at(away.z);
+    constexpr std::array<double, 3> bend{1, -2, 1};
+    // Along y, then z, then x: by weights, slopes and second differences.
+    Row value[3], slope[3], bent[3];  // [k]
+    for (int k = 0; k < 3; ++k) {
+        value[k] = weighted(rows[k], y.weight), slope[k] = weighted(rows[k], y.slope);
+        bent[k] = weighted(rows[k], bend);
+    }
+    const Row at = weighted(value, z.weight), in_y = weighted(slope, z.weight), in_z = weighted(value, z.slope);
+    const Row in_yy = weighted(bent, z.weight);
+    const Columns c = transposed(at, in_y, in_z, in_yy);
+    const Row sum = weighted(c.of, x.weight), sloped = weighted(c.of, x.slope);
+    f.value = sum[0];
+    f.gradient = per_cell * Vec3<double>{sloped[0], sum[1], sum[2]};
+    const double scale = per_cell * per_cell;
+    const Row in_zz = weighted(value, bend), in_yz = weighted(slope, z.slope);
+    const Columns second = transposed(in_zz, in_yz, in_zz, in_yz);
+    const Row more = weighted(second.of, x.weight), bends = weighted(c.of, bend);
+    Mat3<double>& h = f.hessian;
+    h[0][0] = scale * bends[0];
+    h[1][1] = scale * sum[3];
+    h[2][2] = scale * more[0];
+    h[0][1] = h[1][0] = scale * sloped[1];
+    h[0][2] = h[2][0] = scale * sloped[2];
+    h[1][2] = h[2][1] = scale * more[1];
+}
+
+PALPATE_IN_BOTH const float* row_of(const CellBlock& cells, int k, int j) {
+    return cells.first + std::size_t(k) * cells.deep + std::size_t(j) * cells.up;
+}
+
+#ifdef __x86_64__
+/// No product is fused here: bits are the same.
+[[gnu::target("avx2")]] void find_field_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
+                                             SampledField& f) {
+    Row rows[3][3];
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j) rows[k][j] = Row(_mm256_cvtps_pd(_mm_loadu_ps(row_of(cells, k, j))));
+    find_field(rows, away, per_cell, f);
+}
+#endif
+
+}  // namespace
+
+SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells) {
+    using Floats = float __attribute__((vector_size(16)));
+    Row rows[3][3];
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j) {
+            Floats four;
+            std::memcpy(&four, row_of(cells, k, j), sizeof four);
+            rows[k][j] = __builtin_convertvector(four, Row);
+        }
+    SampledField f;
+    find_field(rows, away, per_cell, f);
+    return f;
+}
+
+SampledField spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells) {
+#ifdef __x86_64__
+    static const bool has_avx2 = __builtin_cpu_supports("avx2");
+    if (has_avx2) {
+        SampledField f;
+        find_field_avx2(cells, away, per_cell, f);
+        return f;
+    }
+#endif
+    return plain_spline_field(away, per_cell, cells);
+}
+
+}  // namespace palpate
