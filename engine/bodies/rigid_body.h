@@ -31,6 +31,7 @@ struct RigidBody {
     int still_steps = 0;                          ///< steps for which all that it touches has not moved
     bool asleep = false;                          ///< at rest, far from fingers: skipped until something comes near
     bool gripped = false;  ///< in static equilibrium: skin had hold of it when the last step ended
+    int shaken_steps = 0;  ///< for which its steps have more iterations: some had ended far from balance
 };
 
 /// Volume of a shape [m^3]; 0 for a plane.

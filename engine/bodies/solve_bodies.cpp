@@ -48,8 +48,9 @@ void find_slow_islands(Work& w) {
     for (int i = 0; i < w.s.island_count; ++i) {
         Island& island = w.s.islands[i];
         auto& p = island.progress;
-        island.slow =
-            island.slow && p.active && p.iterations > 0 && island.evaluation.residual > share * p.base_residual;
+        island.slow = island.slow && p.active && p.iterations > 0 &&
+                      island.evaluation.residual > share * p.base_residual &&
+                      !detail::is_balanced_enough<double>(island.evaluation, w.solver, p);
         if (island.slow) p.extra += 1;
     }
     for_each_lane(w, [&](auto& c, int lane, const Island& i) {
@@ -299,6 +300,39 @@ void stiffen_against_inertia(Work& w) {
     });
 }
 
+/// More iterations for bodies that were left far from balance lately, where such steps are not steadied.
+void calm_shaken(Work& w) {
+    if (w.solver.steadying_iterations > 0) return;
+    const int missing = fitted::least_shaken_iterations - w.solver.newton_iterations;
+    for (std::size_t b = 0; b < w.bodies.size(); ++b) {
+        if (w.bodies[b].shaken_steps == 0) continue;
+        auto& further = w.s.islands[w.s.bodies[b].island].progress.further;
+        further = std::max(further, double(missing));
+    }
+}
+
+/// Of islands that nothing can shake.
+void hold_iterations_back(Work& w) {
+    for (int i = 0; i < w.s.island_count; ++i) {
+        Island& island = w.s.islands[i];
+        const bool planes =
+            std::all_of(island.bodies.begin(), island.bodies.end(), [&](int b) { return is_plane(w, b); });
+        if (planes && !island.soft) island.progress.held_back = detail::held_back_iterations(w.solver);
+    }
+}
+
+/// Which bodies are, by what each island ended with.
+void note_shaken(Work& w) {
+    for (std::size_t b = 0; b < w.bodies.size(); ++b) {
+        const Island& i = w.s.islands[w.s.bodies[b].island];
+        const bool shaken = !i.progress.converged &&
+                            std::sqrt(i.evaluation.residual) > fitted::shaken_share * i.evaluation.contact_force;
+        int& steps = w.bodies[b].shaken_steps;
+        steps = shaken || i.progress.extra >= detail::fitted::extra_iterations ? fitted::steps_shaken
+                                                                               : std::max(0, steps - 1);
+    }
+}
+
 /// Islands as newton.h iterates them.
 struct IslandSolve {
     Work& w;
@@ -398,6 +432,8 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     Work w{solver, threads, shapes, bodies, solve, chunks, time, skins, pairs, soft};
     find_islands(w, gravity, pair_frictions);
     begin_soft_contact(w);
+    hold_iterations_back(w);
+    calm_shaken(w);
     auto active = [](const Island& i) { return bool(i.progress.active); };
     for (int i = 0; i < solve.island_count; ++i) solve.islands[i].stiffness = 0;
     for_each_lane(w, [](auto& c, int lane, Island& i) {
@@ -409,6 +445,7 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });
     IslandSolve islands{w};
     detail::iterate(islands, solve.cut);
+    note_shaken(w);
     for (BodyPair& p : solve.pairs) {
         if (p.a < 0) continue;
         update_pair(p, true);

@@ -16,6 +16,7 @@ std::vector<std::string> SolverSettings::validate() const {
     };
     need("dt", dt, solver_bounds::dt, " s");
     need("newton_iterations", newton_iterations, solver_bounds::newton_iterations);
+    need("unbalanced_share", unbalanced_share, solver_bounds::unbalanced_share);
     need("tolerance", tolerance, solver_bounds::tolerance);
     need("multiplier_tolerance", multiplier_tolerance, solver_bounds::multiplier_tolerance);
     need("multiplier_gate", multiplier_gate, solver_bounds::multiplier_gate);

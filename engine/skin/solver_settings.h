@@ -12,6 +12,8 @@ namespace palpate {
 struct SolverSettings {
     double dt = 0.005;                   ///< [s]
     int newton_iterations = 200;         ///< most linear solves in one step
+    double unbalanced_share = 0;         ///< iterations after the first only while more than this share of the contact
+                                         ///< force is unbalanced, where no body or soft object is touched; 0: all
     double tolerance = 1e-7;             ///< force residual, relative to the forces acting
     double multiplier_tolerance = 1e-5;  ///< pending change of multipliers, relative to the forces acting
     double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change
@@ -41,6 +43,7 @@ struct SolverSettings {
 namespace solver_bounds {
 inline constexpr Range dt{1e-6, 0.2};
 inline constexpr Range newton_iterations{1, 10000};
+inline constexpr Range unbalanced_share{0, 1};
 inline constexpr Range tolerance{1e-12, 0.1};
 inline constexpr Range multiplier_tolerance{1e-12, 0.1};
 inline constexpr Range multiplier_gate{1e-6, 1000};

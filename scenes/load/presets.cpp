@@ -12,6 +12,7 @@ const std::vector<std::string>& preset_names() {
 void apply_preset(int preset, SolverSettings& v) {
     if (preset == 3) return;
     v.newton_iterations = preset == 2 ? 6 : preset == 1 ? 2 : 1;
+    v.unbalanced_share = preset == 1 ? 0.003 : 0;
     v.stiffness_steps = 16;
     v.tolerance = 1e-4;
     v.multiplier_tolerance = 1e-3;

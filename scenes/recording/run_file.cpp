@@ -103,6 +103,7 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
                                {"conforming", true},
                                {"patches_limited", true},
                                {"keeps_matrices", true},
+                               {"spares_iterations", true},
                                {"dt_s", s.world.solver.dt},
                                {"duration_s", s.scene.duration}}));
 }
@@ -155,7 +156,7 @@ void RunWriter::finish() {
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides) {
     // In runs from before fingers touched each other, they did not; nor were their meshes conforming unsaid, nor
-    // their limits those of patches, and every matrix was a new one.
+    // their limits those of patches; every matrix was a new one, and all iterations were spent.
     auto as_then = [&](Scene scene) {
         scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
         for (const std::string& change : changes_of(run.files, "the run was recorded"))
@@ -164,6 +165,7 @@ Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
     };
     std::vector<std::string> settings = overrides;
     if (!run.keeps_matrices) settings.insert(settings.begin(), "solver.stiffness_steps=1");
+    if (!run.spares_iterations) settings.insert(settings.begin(), "solver.unbalanced_share=0");
     if (!run.patches_limited) settings.insert(settings.begin(), "mesh.limits=elements");
     if (!run.conforming) settings.insert(settings.begin(), {"mesh.kind=uniform", "mesh.patch=0"});
     if (!run.has_file) return as_then(load_scene_text(run.text, run.scene, settings));

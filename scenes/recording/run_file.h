@@ -88,14 +88,15 @@ struct RecordedRun {
     };
     std::string scene, text;
     std::vector<std::string> overrides, fingers, objects, arrays;
-    std::vector<FileStamp> files;  ///< that the scene names; files from before they were kept say none
-    bool has_file = true;          ///< false: the scene was given as text, `scene` says which folder its files are in
-    bool governed = false;         ///< a governor chose each step's preset
-    bool fingers_touch = false;    ///< each other; files from before they could do not say
-    bool conforming = false;       ///< fingers of which nothing is said have such meshes; nor do these say this
-    bool patches_limited = false;  ///< nor that strain limits of these are of patches
-    bool keeps_matrices = false;   ///< nor that Newton matrices are kept from step to step
-    double duration = 0;           ///< asked for [s]; 0: the file does not say
+    std::vector<FileStamp> files;    ///< that the scene names; files from before they were kept say none
+    bool has_file = true;            ///< false: the scene was given as text, `scene` says which folder its files are in
+    bool governed = false;           ///< a governor chose each step's preset
+    bool fingers_touch = false;      ///< each other; files from before they could do not say
+    bool conforming = false;         ///< fingers of which nothing is said have such meshes; nor do these say this
+    bool patches_limited = false;    ///< nor that strain limits of these are of patches
+    bool keeps_matrices = false;     ///< nor that Newton matrices are kept from step to step
+    bool spares_iterations = false;  ///< nor that `balanced` spares iterations where forces are balanced
+    double duration = 0;             ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;
     std::vector<Change> changes;
     std::vector<Gap> gaps;

@@ -318,9 +318,9 @@ std::uint64_t fingerprint(const Simulation& s) {
         number(double(n));
     // Steps and solve as the scene says: those of the moment are part of the state, where a governor changes presets.
     const SolverSettings& solve = s.scene.spec.solver;
-    for (double v : {solve.dt, double(solve.newton_iterations), solve.tolerance, solve.multiplier_tolerance,
-                     double(solve.contact_iterations), double(solve.stiffness_steps), double(solve.sample_refinement),
-                     double(solve.inertia), double(s.governor.has_value())})
+    for (double v : {solve.dt, double(solve.newton_iterations), solve.unbalanced_share, solve.tolerance,
+                     solve.multiplier_tolerance, double(solve.contact_iterations), double(solve.stiffness_steps),
+                     double(solve.sample_refinement), double(solve.inertia), double(s.governor.has_value())})
         number(v);
     number(w.finger_pairs.on);
     number(w.finger_pairs.friction);

@@ -11,6 +11,7 @@
 #include <algorithm>
 
 #include "engine/skin/solve/evaluate.h"
+#include "engine/skin/solve/progress.h"
 
 namespace palpate::detail {
 
@@ -251,13 +252,15 @@ inline Evaluation<R> evaluate_keeping(SkinChunk<ScalarOf<R>>& c, const SolverSet
 }
 
 /// Lanes that a kept matrix has led on, and hardly nearer to the solution: too much changes for it. The iteration is
-/// not counted.
+/// not counted. (What is balanced well enough is near.)
 template <class R>
-inline MaskOf<R> slow_lanes(SkinChunk<ScalarOf<R>>& c, const R& residual, LaneProgress<R>& p) {
+inline MaskOf<R> slow_lanes(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const SolverSettings& settings,
+                            LaneProgress<R>& p) {
     if (!c.keeps_matrix) return mask_from_bits<R>(0);
     constexpr double share = fitted::slow_share * fitted::slow_share;
     const MaskOf<R> led = p.active & (p.iterations > R(0)) & (load<R>(c.state.matrix_kept.data()) > R(1));
-    const MaskOf<R> slow = led & (residual > R(ScalarOf<R>(share)) * p.base_residual);
+    const MaskOf<R> slow =
+        led & (e.residual > R(ScalarOf<R>(share)) * p.base_residual) & !is_balanced_enough(e, settings, p);
     p.extra += select(slow, R(1), R(0));
     auto* wait = c.state.matrix_wait.data();
     store<R>(wait, select(led & !slow, R(1), load<R>(wait)));

@@ -42,6 +42,7 @@ struct LaneProgress {
     R iterations{0}, updates{0}, backtracks{0};
     R budget = std::numeric_limits<ScalarOf<R>>::max();  ///< of iterations, once the deadline has cut it
     R further{0};                                        ///< iterations in place of following contacts
+    R held_back{0};                                      ///< iterations that balance does not ask for yet
     R extra{0};                                          ///< iterations granted beyond the budget
     R uphill{0};                                         ///< steps that were taken back: no halving led to less energy
 };

@@ -18,7 +18,26 @@ namespace palpate::detail {
 /// How many iterations there may be.
 template <class R>
 inline R iterations_allowed(const SolverSettings& s, const LaneProgress<R>& p) {
-    return minimum(R(ScalarOf<R>(s.newton_iterations)) + p.further, p.budget) + p.extra;
+    return minimum(R(ScalarOf<R>(s.newton_iterations)) + p.further - p.held_back, p.budget) + p.extra;
+}
+
+/// All but the first are held back where the settings say so: while forces are balanced enough. (Not of what touches a
+/// body, or a soft object: what is left unbalanced shakes it.)
+inline int held_back_iterations(const SolverSettings& s) {
+    return s.unbalanced_share > 0 ? s.newton_iterations - 1 : 0;
+}
+
+/// What tolerances are relative to [N].
+template <class R>
+inline R force_scale(const Evaluation<R>& e) {
+    return maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
+}
+
+/// Balanced so well that what is held back stays so.
+template <class R>
+inline MaskOf<R> is_balanced_enough(const Evaluation<R>& e, const SolverSettings& s, const LaneProgress<R>& p) {
+    const R allowed = R(ScalarOf<R>(s.unbalanced_share)) * force_scale(e);
+    return (p.held_back > R(0)) & (e.residual <= allowed * allowed);
 }
 
 /// The deadline is near: no more iterations than there have been, but one for each finger, and one after an update of
@@ -54,7 +73,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     d.retry = d.retry & p.active;
     d.undo = d.undo & p.active;
 
-    const R scale = maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
+    const R scale = force_scale(e);
     const R tolerance = maximum(minimum(R(T(s.tolerance)) * scale, e.residual_cap), rounding);
     // Forces that are off by the residual allowed leave as much pending.
     const R pending_tolerance = maximum(R(T(s.multiplier_tolerance)) * scale, tolerance);
@@ -81,12 +100,15 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     const MaskOf<R> shaky = holds_body & (e.limited > R(0)) &
                             ((residual > R(T(fitted::steady_share)) * e.contact_force) |
                              (pending > R(T(fitted::steady_pending_share)) * e.contact_force));
+    const MaskOf<R> unbalanced =
+        (p.held_back > R(0)) & (p.budget >= R(T(s.newton_iterations))) & !is_balanced_enough(e, s, p);
     // What goes on evaluates again, with a matrix.
     const MaskOf<R> goes_on =
         p.active & !d.retry & out_of_budget &
-        ((rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
+        (unbalanced | (rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
          (shaky & (p.budget >= R(T(s.newton_iterations))) & (p.extra < R(T(s.steadying_iterations)))));
-    p.extra += select(goes_on, select(rough, R(T(fitted::extra_iterations)), R(1)), R(0));
+    p.held_back -= select(goes_on & unbalanced, R(1), R(0));
+    p.extra += select(goes_on & !unbalanced, select(rough, R(T(fitted::extra_iterations)), R(1)), R(0));
     p.active = d.retry | d.update | d.newton | goes_on;
     return d;
 }

@@ -43,7 +43,7 @@ struct LaneSolve {
     }
 
     void decide() {
-        slow = slow_lanes<R>(c, e.residual, p);
+        slow = slow_lanes(c, e, settings, p);
         d = detail::decide(e, rounding_force(c, e), settings, p);
         if (any(slow)) wait_with_matrix<R>(c, slow & !p.converged);
         if (any(d.retry)) shorten_steps(p, d, e);
@@ -90,6 +90,7 @@ template <class R>
 void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::begin_step<R>(c, settings);
     detail::LaneSolve<R> solve{c, settings};
+    solve.p.held_back = R(ScalarOf<R>(detail::held_back_iterations(settings)));
     detail::keep_base<R>(c, solve.solved);
     detail::iterate(solve, c.cut);
     const unsigned reset = detail::end_iteration<R>(c, solve.e, solve.solved, solve.p.failed, solve.p.converged);
