@@ -77,6 +77,11 @@ inline constexpr double stiffly_held = 1e4, softly_held_scale = 64;
 /// Largest penalties against inertia, as multiples of those of tissue (the same balls: no preset gains energy).
 inline constexpr double largest_scale_double = 1e5, largest_scale_float = 4e3;
 
+/// In single precision a body is balanced to so many times what rounding makes of the residuals of its fingers, whose
+/// samples all press on it (`pinch` at rest: 0.04 to 0.08 mN of 6.6 N were left, where 0.06 were asked for, so that
+/// half the steps spent another iteration on it; `two_hands`: 1.6 to 2 mN of 46 N after 200 iterations, where 0.6
+/// were).
+inline constexpr double body_roundings_float = 4;
 /// With one iteration a step grasps swing: each step begins as far from balance as the one before ended. A body that
 /// was left with more than this share of the contact forces unbalanced, or solved on for it, has no fewer iterations
 /// than this in so many steps since, which is cheaper, too (`two_hands` at 1 ms: 0.6 instead of 2.6 ms a step; 7

@@ -146,7 +146,9 @@ void evaluate_all(Work& w, Steps steps) {
         e.violation = std::max(e.violation, r.violation), e.penetration = std::max(e.penetration, r.penetration);
         e.extent = std::max(e.extent, double(c.rest.extent[std::size_t(lane)]));
         e.contact_force += r.contact_force, e.coupling_force = std::max(e.coupling_force, r.coupling_force);
-        i.rounding += r.rounding;
+        const bool on_body = !i.bodies.empty() && !is_plane(w, i.bodies[0]);
+        const bool single = sizeof(c.state.position[0]) < sizeof(double);
+        i.rounding += (on_body && single ? fitted::body_roundings_float : 1) * r.rounding;
         // A large object at rest has an energy of nothing but its elements' roundings.
         if (i.soft) e.rounding += e.epsilon * double(c.rest.tissue_stiffness[std::size_t(lane)]) * e.extent * e.extent;
         const double slack = plane_slack(c, lane);

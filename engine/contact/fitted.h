@@ -58,6 +58,8 @@ inline constexpr int most_bricks = 6000;  ///< 24 MB
 inline constexpr double rim_cells = 2;
 /// Gradients whose square is below this are stretched less and less (rims and thin walls).
 inline constexpr double least_gradient2 = 0.16;
+/// What of a large object is kept for one finger, beyond twice how far that reaches [m].
+inline constexpr double least_near_part = 0.02;
 /// Nearer hits are neighbours of where a ray begins [m].
 inline constexpr double least_distance = 1e-6;
 /// Cosine from which on two sides make a wall (plates of 0.3 to 4 mm, a mug, a wedge).

@@ -17,6 +17,8 @@ inline constexpr double hopeless_step = 1e-6;
 /// Energies are known to so many roundings of themselves, and of the finger's extent times the forces on it (float
 /// against double on `hand` and `pinch`).
 inline constexpr double energy_roundings = 64, extent_roundings = 4;
+/// And positions to so many roundings of the extent: what remains of a residual is those times the stiffness.
+inline constexpr double position_roundings = 2;
 /// Levenberg-Marquardt: damping grows and shrinks by these, between 1 and the largest times the tissue's stiffness;
 /// steps longer than the fit count as full ones (scrambled starts, 1,000 N).
 inline constexpr double more_damping = 3, less_damping = 0.2, largest_damping = 1e6, full_step = 0.9;

@@ -316,12 +316,22 @@ template <class R>
 inline R rounding_force(const SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e) {
     using T = ScalarOf<R>;
     constexpr int W = lane_width<R>;
+    constexpr double epsilon = std::numeric_limits<T>::epsilon();
     R stiffness = load<R>(c.rest.rounding_stiffness.data());
     for (int s = 0; s < bone_spring_count; ++s) stiffness += load<R>(&c.scratch.bone_springs[9 * s * W]);
-    if (!c.rest.contact_penalty.empty())
-        stiffness += select(e.contact_force > R(0),
-                            load<R>(c.rest.contact_penalty.data()) * load<R>(&c.state.penalty_scale[W]), R(0));
-    return R(2 * std::numeric_limits<T>::epsilon()) * load<R>(c.rest.extent.data()) * stiffness;
+    const R extent = load<R>(c.rest.extent.data()), unit = R(T(fitted::position_roundings * epsilon));
+    const R force = unit * extent * stiffness;
+    if (c.rest.contact_penalty.empty()) return force;
+    // Where samples are on an object is rounded as its origin is far, too.
+    R far = extent;
+    if constexpr (sizeof(T) < sizeof(double))
+        for (int l = 0; l < W; ++l)
+            for (int slot = 0; slot < c.contacts.count[std::size_t(l)]; ++slot) {
+                const double away = norm(lane_bone(c, l).position - c.contacts.at(slot, l).pose.position);
+                set_lane(far, l, std::max(lane(far, l), T(away)));
+            }
+    const R penalty = load<R>(c.rest.contact_penalty.data()) * load<R>(&c.state.penalty_scale[W]);
+    return force + select(e.contact_force > R(0), unit * far * penalty, R(0));
 }
 
 template <class R>

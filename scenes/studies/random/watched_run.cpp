@@ -102,7 +102,7 @@ void check_finger_balance(const Watched& v, Findings& found) {
         if (!f.status.converged || f.status.reset || !f.solved || v.before.empty() || !v.before[i].solved) continue;
         if (v.before[i].velocity.empty()) continue;  // accelerations take three steps
         // Where an overlap was undone, velocities are less than positions say (end_slots).
-        if (!v.before[i].status.converged && v.before[i].status.penetration_m > 1e-5) continue;
+        if (!v.before[i].status.converged && v.before[i].status.penetration_m > 1e-6) continue;
         const Vec3<double> off = f.momentum_rate(v.before[i], w.solver.dt) - f.contact - f.reaction;
         const double scale = norm(f.contact) + norm(f.reaction) + f.normal_force;
         // What a solve leaves over at each node, within its tolerance (check_status), may be along one direction at
