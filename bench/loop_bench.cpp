@@ -83,6 +83,8 @@ PALPATE_HAND(real_time_float, "5", 2, "solver.preset=real-time", "solver.precisi
 PALPATE_HAND(goal_7_iterations_1, "1", 2, "solver.preset=real-time", "solver.newton_iterations=1");
 PALPATE_HAND(goal_7_iterations_2, "1", 2, "solver.preset=real-time", "solver.newton_iterations=2");
 PALPATE_HAND(goal_7_iterations_3, "1", 2, "solver.preset=real-time", "solver.newton_iterations=3");
+// The preset as it is, which spares iterations that balance does not ask for.
+PALPATE_HAND(goal_7_balanced, "1", 2, "solver.preset=balanced");
 
 }  // namespace
 }  // namespace palpate
