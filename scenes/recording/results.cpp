@@ -150,8 +150,7 @@ std::vector<Plot> plots_of(const Simulation& s) {
         const auto time = settled_only("time_s");
         const std::string& name = s.scene.spec.fingers[i].name;
         const std::size_t left_out = series.rows() - time.size();
-        const std::string label =
-            left_out ? name + " (" + std::to_string(left_out) + " unsettled steps left out)" : name;
+        const std::string label = left_out ? name + " (" + std::to_string(left_out) + " unsettled)" : name;
         for (std::size_t p = 0; p < plots.size(); ++p)
             plots[p].curves.push_back({p == 0 ? label : name, time, settled_only(columns[p])});
         for (const Matching& m : s.world.matchings)

@@ -129,6 +129,7 @@ Summary summarise(const Simulation& s) {
     const auto total = s.step_series.column("total_us");
     out.step_median_us = quantile(total, 0.5);
     out.step_p99_us = quantile(total, 0.99);
+    out.unbalanced_share = s.world.solver.unbalanced_share;
     out.real_time_factor = mean(total) > 0 ? 1e6 * s.world.solver.dt / mean(total) : 0;
     for (std::size_t c = 1; c + 1 < s.step_series.columns.size(); ++c) {
         const std::string& column = s.step_series.columns[c];

@@ -59,6 +59,7 @@ struct Summary {
     double skin_memory_MB = 0;
     /// Of the governor of presets: share of the steps by preset, steps over the deadline, changes; empty without one.
     std::vector<std::pair<std::string, double>> preset_shares;
+    double unbalanced_share = 0;  ///< solver.unbalanced_share: below it iterations are spared
     std::int64_t missed_deadlines = 0, cut_short_steps = 0, preset_changes = 0;
     DetailCount detail;
     double filter_delay_ms = 0;  ///< mean over samples and fingers of what filters hold poses back

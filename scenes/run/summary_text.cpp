@@ -127,6 +127,9 @@ std::string solver_sentence(const Summary& s) {
         written("solved: %.1f iterations a step, %.1f %% of the steps converged", iterations, 100 * converged);
     if (least->converged_share < converged - 0.01)
         out += written(" (of %s %.1f %%)", least->name.c_str(), 100 * least->converged_share);
+    if (s.unbalanced_share > 0 && converged < 0.99)
+        out += written(", as iterations are spared where %.2g %% or less of the force is unbalanced",
+                       100 * s.unbalanced_share);
     out += written("; strain limits exceeded by at most %.1e", limit->worst_limit_violation);
     if (limit->worst_limit_violation > 0 && s.fingers.size() > 1) out += " (" + limit->name + ")";
     out += written(", skin at most %.3f um inside an object", deepest->worst_penetration_um);
