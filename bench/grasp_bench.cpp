@@ -78,6 +78,12 @@ PALPATE_GRASP(mug_five_fingers_1, hold_mug, "solver.preset=real-time", "solver.n
 PALPATE_GRASP(mug_five_fingers_2, hold_mug, "solver.preset=real-time");
 PALPATE_GRASP(box_ten_fingers_1, two_hands, "solver.preset=real-time", "solver.newton_iterations=1");
 PALPATE_GRASP(box_ten_fingers_2, two_hands, "solver.preset=real-time");
+// Fingers of meshes as they were before those conformed to the bone: the same work as in older versions.
+PALPATE_GRASP(mug_five_uniform_1, hold_mug, "mesh.kind=uniform", "mesh.patch=0", "solver.preset=real-time",
+              "solver.newton_iterations=1");
+PALPATE_GRASP(mug_five_uniform_2, hold_mug, "mesh.kind=uniform", "mesh.patch=0", "solver.preset=real-time");
+PALPATE_GRASP(box_ten_uniform_1, two_hands, "mesh.kind=uniform", "mesh.patch=0", "solver.preset=real-time",
+              "solver.newton_iterations=1");
 
 /// Queries that walk along the surface, as contact's do; and at random places near it.
 void mesh_query(benchmark::State& state, bool smooth, bool walk) {

@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "bench/quantile.h"
 #include "scenes/run/simulation.h"
 #include "scenes/run/state.h"
 
@@ -33,11 +34,6 @@ struct Times {
             us[std::size_t(step)] = std::min(us[std::size_t(step)], 1e6 * (seconds(CLOCK_THREAD_CPUTIME_ID) - begin));
     }
 };
-double quantile(std::vector<double> v, double q) {
-    const auto at = v.begin() + std::ptrdiff_t(q * double(v.size() - 1));
-    std::nth_element(v.begin(), at, v.end());
-    return *at;
-}
 
 }  // namespace
 
@@ -114,10 +110,10 @@ int main(int argc, char** argv) {
     std::vector<double> more;
     for (std::size_t k = 0; k < engine.us.size(); ++k) more.push_back(host.us[k] - engine.us[k]);
     for (const auto& [name, q] : {std::pair{"median", 0.5}, {"p90", 0.9}, {"p99", 0.99}}) {
-        const double a = quantile(engine.us, q), b = quantile(host.us, q);
+        const double a = palpate::quantile(engine.us, q), b = palpate::quantile(host.us, q);
         std::printf("%-6s %9.1f %9.1f %9.1f\n", name, a, b, b - a);
     }
-    std::printf("of one and the same step: median %.1f more\n", quantile(more, 0.5));
+    std::printf("of one and the same step: median %.1f more\n", palpate::quantile(more, 0.5));
     std::printf("the same forces: %s%s\n", same ? "yes" : "no", sum == 1234.5 ? " " : "");
     palpate_destroy(world);
     return same ? 0 : 1;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 
+#include "bench/quantile.h"
 #include "scenes/run/simulation.h"
 
 namespace palpate {
@@ -44,6 +45,32 @@ void report_error(benchmark::State& state, const std::vector<Series>& series, co
     state.counters["worst_error_N"] = worst;
 }
 
+/// The slowest steps of the engine: each step is the same work in every run, so that the median over runs is without
+/// what else the machine did. Beside them those of a run as it was (the median run's).
+void hand_tails(benchmark::State& state) {
+    constexpr std::size_t runs = 9;
+    for (auto _ : state) {
+        std::vector<std::vector<double>> of_step;
+        std::map<double, std::vector<double>> of_run;
+        for (std::size_t k = 0; k < runs; ++k) {
+            const Simulation s = run_scene({"dt_ms=1", "solver.preset=balanced"}, 2);
+            const std::vector<double> steps = s.step_series.column("total_us");
+            of_step.resize(steps.size());
+            for (std::size_t i = 0; i < steps.size(); ++i) of_step[i].push_back(steps[i]);
+            for (double share : {0.5, 0.99, 0.999}) of_run[share].push_back(quantile(steps, share));
+        }
+        std::vector<double> medians;
+        for (const auto& times : of_step) medians.push_back(quantile(times, 0.5));
+        for (auto& [share, values] : of_run) {
+            const std::string name = "p" + std::to_string(100 * share).substr(0, share > 0.99 ? 4 : 2);
+            state.counters[name + "_us"] = quantile(medians, share);
+            state.counters["run_" + name + "_us"] = quantile(values, 0.5);
+        }
+        state.SetIterationTime(1e-6 * quantile(medians, 0.5));
+    }
+}
+BENCHMARK(hand_tails)->Iterations(1)->UseManualTime()->Unit(benchmark::kMicrosecond);
+
 void hand(benchmark::State& state, const std::string& dt_ms, std::vector<std::string> overrides, int threads) {
     reference(dt_ms);
     overrides.push_back("dt_ms=" + dt_ms);
@@ -58,9 +85,9 @@ void hand(benchmark::State& state, const std::string& dt_ms, std::vector<std::st
         }
         state.SetIterationTime(1e-6 * total / double(s.step_series.rows()));
         state.counters["steps_per_s"] = 1e6 * double(s.step_series.rows()) / total;
-        std::vector<double> steps = s.step_series.column("total_us");
-        std::nth_element(steps.begin(), steps.begin() + std::ptrdiff_t(steps.size() * 99 / 100), steps.end());
-        state.counters["p99_us"] = steps[steps.size() * 99 / 100];
+        const std::vector<double> steps = s.step_series.column("total_us");
+        state.counters["p99_us"] = quantile(steps, 0.99);
+        state.counters["p99.9_us"] = quantile(steps, 0.999);
         report_error(state, s.finger_series, reference(dt_ms));
     }
 }

@@ -13,6 +13,7 @@
 #include "bench/eigen_baseline.h"
 #include "bench/field_error.h"
 #include "bench/pressed_finger.h"
+#include "bench/quantile.h"
 #include "engine/build.h"
 #include "engine/skin/solve/kernels.h"
 #include "engine/skin/solve/solve_skin.h"
@@ -90,12 +91,6 @@ Outcome run_press(const Press& press) {
     }
     out.bytes_per_finger = double(skin_memory_bytes(world)) / double(press.elements.size());
     return out;
-}
-
-double quantile(std::vector<double> v, double q) {
-    const auto at = v.begin() + std::ptrdiff_t(q * double(v.size() - 1));
-    std::nth_element(v.begin(), at, v.end());
-    return *at;
 }
 
 template <class T>

@@ -141,12 +141,28 @@ void prepare_bodies(World& world) {
     reserve_islands(s, int(bodies), int(chunks));
 }
 
-/// Memory for finding which fingers are near each other.
-void prepare_finger_pairs(const SceneSpec& spec, FingerPairs& pairs) {
+/// Scenes of so many fingers are played in real time: they have the memory for touching each other from the start. Of
+/// more, those that come near have it then.
+constexpr std::size_t most_with_room = 16;
+
+/// Memory for finding which fingers are near each other, and of a few for touching.
+void prepare_finger_pairs(const SceneSpec& spec, World& world) {
+    FingerPairs& pairs = world.finger_pairs;
     const std::size_t fingers = spec.fingers.size();
     pairs.on = spec.fingers_touch && fingers > 1;
     pairs.friction = spec.skin_friction;
     if (!pairs.on) return;
+    if (fingers <= most_with_room) {
+        const std::size_t near = std::min(fingers * (fingers - 1) / 2, 2 * fingers);
+        pairs.near.reserve(near);
+        std::size_t samples = 0;
+        world.chunks.for_each([&](auto& c) {
+            make_room_for_fingers(c, pairs.friction > 0);
+            samples = std::max(samples, c.topology->sample_count());
+        });
+        pairs.samples.reserve(2 * samples);
+        reserve_islands(world.body_solve, int(spec.objects.size() + near), world.chunks.count());
+    }
     pairs.reach.resize(fingers);
     pairs.slot.resize(fingers);
     for (std::size_t i = 0; i < fingers; ++i) pairs.order.push_back(int(i));
@@ -395,8 +411,8 @@ World build_world(const SceneSpec& spec) {
     }
     world.gravity = spec.gravity;
     world.pair_frictions = spec.pair_frictions;
-    prepare_finger_pairs(spec, world.finger_pairs);
     add_soft_objects(spec, world);
+    prepare_finger_pairs(spec, world);
     prepare_bodies(world);
     for (VirtualObject& shape : world.shapes)
         if (shape.body >= 0 && world.bodies[shape.body].release > 0) {

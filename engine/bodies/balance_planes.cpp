@@ -91,20 +91,25 @@ void collect(const Work& w, const SkinChunk<T>& c, int lane, int slot, bool of_b
         const double base = double(c.rest.contact_penalty[s * W + std::size_t(lane)]);
         p.k = base * scale;
         p.k_slip = base * std::min(scale, fitted::largest_slip_scale);
+        p.holds = p.normal_multiplier > 0;
         if (!rubs) continue;
         p.before = inverse_transform(side, origin + sample_of(c, c.scratch.start_position, s, lane));
         p.friction_radius = double(c.state.friction_radius[i]);
         p.tangential_multiplier = read(c.state.tangential_multiplier, p.number, W, lane);
         p.friction_normal = read(c.state.friction_normal, p.number, W, lane);
+        p.holds |= p.friction_radius > 0 || dot(p.tangential_multiplier, p.tangential_multiplier) > 0;
     }
+}
+
+/// Whether a sample does anything against the plane: most do not.
+bool acts(const PlaneSample& p, const Pose<double>& side, const Vec3<double>& normal) {
+    return p.holds || dot(normal, p.x - side.position) < p.offset;
 }
 
 /// What one sample does against the plane, as sample_contact.h has it.
 ContactTerms<double> terms_of(const PlaneSample& p, const Pose<double>& side, const Mat3<double>& R, bool rubs) {
-    const Vec3<double> zero{0, 0, 0}, local = transposed_times(R, p.x - side.position);
+    const Vec3<double> local = transposed_times(R, p.x - side.position);
     const double distance = local.z - p.offset;
-    const bool slid = rubs && (p.friction_radius > 0 || dot(p.tangential_multiplier, p.tangential_multiplier) > 0);
-    if (p.normal_multiplier <= 0 && distance >= 0 && !slid) return {0, zero, Mat3<double>::zero(), 0, zero};
     const ContactState<double> state{p.normal_multiplier, R * p.tangential_multiplier, p.friction_radius,
                                      R * p.friction_normal};
     const SurfacePoint<double> surface{distance, R.column(2)};
@@ -122,7 +127,9 @@ PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane) {
     PlaneTerms out;
     const Pose<double> sides[2] = {plane_side(plane, false), plane_side(plane, true)};
     const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
+    const Vec3<double> normals[2] = {R[0].column(2), R[1].column(2)};
     for (const PlaneSample& p : pairs.samples) {
+        if (!acts(p, sides[p.of_b], normals[p.of_b])) continue;
         const ContactTerms<double> t = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0);
         if (t.energy == 0 && t.normal_force == 0 && !(dot(t.gradient, t.gradient) > 0)) continue;
         const Eigen::Matrix<double, 3, 6> G = -point_motion(p.x - plane.position);
@@ -140,8 +147,12 @@ PlaneTerms evaluate_plane(const FingerPairs& pairs, const Pose<double>& plane) {
 void find_gradients(FingerPairs& pairs, const Pose<double>& plane) {
     const Pose<double> sides[2] = {plane_side(plane, false), plane_side(plane, true)};
     const Mat3<double> R[2] = {rotation_matrix(sides[0].rotation), rotation_matrix(sides[1].rotation)};
-    for (PlaneSample& p : pairs.samples)
-        p.gradient = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0).gradient;
+    const Vec3<double> normals[2] = {R[0].column(2), R[1].column(2)};
+    for (PlaneSample& p : pairs.samples) {
+        p.gradient = {0, 0, 0};
+        if (acts(p, sides[p.of_b], normals[p.of_b]))
+            p.gradient = terms_of(p, sides[p.of_b], R[p.of_b], pairs.friction > 0).gradient;
+    }
 }
 
 double imbalance(const Motion& gradient) { return gradient.head<3>().norm() + gradient.tail<3>().norm() / plane_size; }

@@ -25,6 +25,7 @@ struct FingerPair {
 /// A sample of one of a pair's fingers, as balance_planes sees it.
 struct PlaneSample {
     bool of_b = false;
+    bool holds = false;                        ///< has a multiplier, or a friction that may act
     std::size_t number = 0;                    ///< in the arrays of its chunk: [slot][sample][lane]
     Vec3<double> x{0, 0, 0}, before{0, 0, 0};  ///< now, world; at the start of the step, in the plane's frame
     double normal_multiplier = 0, offset = 0, k = 0, k_slip = 0, friction_radius = 0;

@@ -40,7 +40,6 @@ void forget_matrix(SkinChunk<T>& c, int lane, int steps) {
 /// Notes islands that kept matrices have led on, and hardly nearer to the solution: too much changes for them. The
 /// iteration is not counted.
 void find_slow_islands(Work& w) {
-    constexpr double share = detail::fitted::slow_share * detail::fitted::slow_share;
     for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].slow = false;
     for_each_lane(w, [&](const auto& c, int lane, Island& i) {
         if (c.keeps_matrix && c.state.matrix_kept[std::size_t(lane)] > 1) i.slow = true;
@@ -49,9 +48,9 @@ void find_slow_islands(Work& w) {
         Island& island = w.s.islands[i];
         auto& p = island.progress;
         island.slow = island.slow && p.active && p.iterations > 0 &&
-                      island.evaluation.residual > share * p.base_residual &&
+                      island.evaluation.residual > detail::slow_share(w.solver, p) * p.base_residual &&
                       !detail::is_balanced_enough<double>(island.evaluation, w.solver, p);
-        if (island.slow) p.extra += 1;
+        detail::take_back(p, island.slow);
     }
     for_each_lane(w, [&](auto& c, int lane, const Island& i) {
         const bool led = i.progress.active && i.progress.iterations > 0 && c.state.matrix_kept[std::size_t(lane)] > 1;
@@ -319,7 +318,7 @@ void hold_iterations_back(Work& w) {
         Island& island = w.s.islands[i];
         const bool planes =
             std::all_of(island.bodies.begin(), island.bodies.end(), [&](int b) { return is_plane(w, b); });
-        if (planes && !island.soft) island.progress.held_back = detail::held_back_iterations(w.solver);
+        if (planes && !island.soft) detail::hold_back<double>(w.solver, island.stiffness, island.progress);
     }
 }
 
@@ -434,14 +433,14 @@ void solve_bodies(const SolverSettings& solver, const Vec3<double>& gravity,
     Work w{solver, threads, shapes, bodies, solve, chunks, time, skins, pairs, soft};
     find_islands(w, gravity, pair_frictions);
     begin_soft_contact(w);
-    hold_iterations_back(w);
-    calm_shaken(w);
     auto active = [](const Island& i) { return bool(i.progress.active); };
     for (int i = 0; i < solve.island_count; ++i) solve.islands[i].stiffness = 0;
     for_each_lane(w, [](auto& c, int lane, Island& i) {
         c.exchange.lanes[lane] = {};
         i.stiffness = std::max(i.stiffness, double(c.rest.tissue_stiffness[std::size_t(lane)]));
     });
+    hold_iterations_back(w);
+    calm_shaken(w);
     stiffen_against_inertia(w);
     place_bodies(w, false);
     for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.begin(c, solver); });

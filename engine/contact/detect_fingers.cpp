@@ -255,10 +255,10 @@ bool reserve_planes(PairWork& w, int bodies, BodySolve& solve) {
     w.chunks.for_each([&](auto& c) {
         most = std::max(most, c.topology->sample_count());
         if (c.has_bodies && (c.has_friction || w.pairs.friction <= 0)) return;
+        grew |= c.exchange.columns.capacity() == 0;
         c.has_bodies = true;
         c.has_friction = c.has_friction || w.pairs.friction > 0;
         resize_fields(c);
-        grew = true;
     });
     w.pairs.samples.reserve(2 * most);
     return grew;

@@ -120,6 +120,7 @@ SampledField blend(const SampledField& a, const SampledField& b, const SampledFi
 /// not let vanish. The normal is the gradient of psi, of length one where psi = 0.
 MeshPoint of_unit_slope(const SampledField& f, double per_band) {
     const double u = f.value * per_band, within = std::max(1 - u * u, 0.0);
+    if (within == 0) return {f.value, f.gradient};
     constexpr double least = least_gradient2;
     const double s = dot(f.gradient, f.gradient);
     const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
@@ -132,9 +133,11 @@ MeshPoint of_unit_slope(const SampledField& f, double per_band) {
 MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x, const Place& place) {
     const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[place.cell];
     const double per_band = 2 * place.per_cell;
-    auto coarse = [&] { return spline_field(place.away, place.per_cell, coarse_cells(mesh, place)); };
+    auto coarse = [&](double bent_within = HUGE_VAL) {
+        return spline_field(place.away, place.per_cell, coarse_cells(mesh, place), bent_within);
+    };
     auto share = [&](unsigned char mark) { return marked_field(mesh, place, mark); };
-    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(), per_band);
+    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(1 / per_band), per_band);  // farther away it needs none
     const int guess = mesh.grid.triangle[place.cell];
     SampledField at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, guess);
     if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))

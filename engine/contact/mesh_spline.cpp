@@ -1,6 +1,7 @@
 #include "engine/contact/mesh_spline.h"
 
 #include <array>
+#include <cmath>
 #include <cstring>
 
 #ifdef __x86_64__
@@ -39,28 +40,31 @@ PALPATE_IN_BOTH Columns transposed(const Row& a, const Row& b, const Row& c, con
 }
 
 /// rows[k][j]: of three cells along x.
-PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, SampledField& f) {
+PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, double bent_within,
+                                SampledField& f) {
     const Spline x = spline_at(away.x), y = spline_at(away.y), z = spline_at(away.z);
     constexpr std::array<double, 3> bend{1, -2, 1};
     // Along y, then z, then x: by weights, slopes and second differences.
-    Row value[3], slope[3], bent[3];  // [k]
-    for (int k = 0; k < 3; ++k) {
-        value[k] = weighted(rows[k], y.weight), slope[k] = weighted(rows[k], y.slope);
-        bent[k] = weighted(rows[k], bend);
-    }
+    Row value[3], slope[3];  // [k]
+    for (int k = 0; k < 3; ++k) value[k] = weighted(rows[k], y.weight), slope[k] = weighted(rows[k], y.slope);
     const Row at = weighted(value, z.weight), in_y = weighted(slope, z.weight), in_z = weighted(value, z.slope);
-    const Row in_yy = weighted(bent, z.weight);
-    const Columns c = transposed(at, in_y, in_z, in_yy);
+    const Columns c = transposed(at, in_y, in_z, in_z);
     const Row sum = weighted(c.of, x.weight), sloped = weighted(c.of, x.slope);
     f.value = sum[0];
     f.gradient = per_cell * Vec3<double>{sloped[0], sum[1], sum[2]};
+    if (!(std::abs(f.value) <= bent_within)) {
+        f.hessian = Mat3<double>::zero();
+        return;
+    }
     const double scale = per_cell * per_cell;
-    const Row in_zz = weighted(value, bend), in_yz = weighted(slope, z.slope);
-    const Columns second = transposed(in_zz, in_yz, in_zz, in_yz);
+    Row bent[3];
+    for (int k = 0; k < 3; ++k) bent[k] = weighted(rows[k], bend);
+    const Row in_yy = weighted(bent, z.weight), in_zz = weighted(value, bend), in_yz = weighted(slope, z.slope);
+    const Columns second = transposed(in_zz, in_yz, in_yy, in_yy);
     const Row more = weighted(second.of, x.weight), bends = weighted(c.of, bend);
     Mat3<double>& h = f.hessian;
     h[0][0] = scale * bends[0];
-    h[1][1] = scale * sum[3];
+    h[1][1] = scale * more[2];
     h[2][2] = scale * more[0];
     h[0][1] = h[1][0] = scale * sloped[1];
     h[0][2] = h[2][0] = scale * sloped[2];
@@ -72,19 +76,21 @@ PALPATE_IN_BOTH const float* row_of(const CellBlock& cells, int k, int j) {
 }
 
 #ifdef __x86_64__
+const bool has_avx2 = __builtin_cpu_supports("avx2");  // where it is asked before, not known: the bits are the same
+
 /// No product is fused here: bits are the same.
 [[gnu::target("avx2")]] void find_field_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
-                                             SampledField& f) {
+                                             double bent_within, SampledField& f) {
     Row rows[3][3];
     for (int k = 0; k < 3; ++k)
         for (int j = 0; j < 3; ++j) rows[k][j] = Row(_mm256_cvtps_pd(_mm_loadu_ps(row_of(cells, k, j))));
-    find_field(rows, away, per_cell, f);
+    find_field(rows, away, per_cell, bent_within, f);
 }
 #endif
 
 }  // namespace
 
-SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells) {
+SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells, double bent_within) {
     using Floats = float __attribute__((vector_size(16)));
     Row rows[3][3];
     for (int k = 0; k < 3; ++k)
@@ -94,20 +100,19 @@ SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const
             rows[k][j] = __builtin_convertvector(four, Row);
         }
     SampledField f;
-    find_field(rows, away, per_cell, f);
+    find_field(rows, away, per_cell, bent_within, f);
     return f;
 }
 
-SampledField spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells) {
+SampledField spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells, double bent_within) {
 #ifdef __x86_64__
-    static const bool has_avx2 = __builtin_cpu_supports("avx2");
     if (has_avx2) {
         SampledField f;
-        find_field_avx2(cells, away, per_cell, f);
+        find_field_avx2(cells, away, per_cell, bent_within, f);
         return f;
     }
 #endif
-    return plain_spline_field(away, per_cell, cells);
+    return plain_spline_field(away, per_cell, cells, bent_within);
 }
 
 }  // namespace palpate

@@ -13,7 +13,8 @@ struct SolverSettings {
     double dt = 0.005;                   ///< [s]
     int newton_iterations = 200;         ///< most linear solves in one step
     double unbalanced_share = 0;         ///< iterations after the first only while more than this share of the contact
-                                         ///< force is unbalanced, where no body or soft object is touched; 0: all
+                                         ///< force is unbalanced (of 0.33 N at least at 1 ms, less in longer steps),
+                                         ///< where no body or soft object is touched; 0: all
     double tolerance = 1e-7;             ///< force residual, relative to the forces acting
     double multiplier_tolerance = 1e-5;  ///< pending change of multipliers, relative to the forces acting
     double multiplier_gate = 0.1;        ///< update multipliers once the residual is below this share of the change

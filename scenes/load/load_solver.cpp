@@ -62,11 +62,13 @@ void read_solver(Section s, Scene& scene) {
              "when there is slack. 0: never.");
     s.integer("newton_iterations", v.newton_iterations, newton_iterations, "Most linear solves in one step.");
     if (s.has("newton_iterations")) v.unbalanced_share = 0;  // who asks for so many means them
-    s.number(
-        "unbalanced_share", v.unbalanced_share, unit::one, unbalanced_share,
-        "Iterations after a step's first are spent only while more than this share of the contact force is "
-        "unbalanced, or where a body or soft object is touched, which could be shaken. 0: all, until tolerances are "
-        "met. Where nothing is said: 0.003 with preset \"balanced\" and its own `newton_iterations`, else 0.");
+    s.number("unbalanced_share", v.unbalanced_share, unit::one, unbalanced_share,
+             "Iterations after a step's first are spent only while more than this share of the contact force is "
+             "unbalanced (of 0.33 N at least where a step is 1 ms or shorter, of as much less as it is longer, and of "
+             "less in "
+             "tissue softer than skin), or where "
+             "a body or soft object is touched, which could be shaken. 0: all, until tolerances are met. Where nothing "
+             "is said: 0.003 with preset \"balanced\" and its own `newton_iterations`, else 0.");
     s.number("tolerance", v.tolerance, unit::one, tolerance, "Force residual, relative to the forces acting.");
     s.number("multiplier_tolerance", v.multiplier_tolerance, unit::one, multiplier_tolerance,
              "Change of contact forces and limit stresses that may be pending, relative to the forces acting.");

@@ -172,7 +172,7 @@ int explain(const std::string& file, const std::vector<std::string>& overrides, 
          spec.objects.empty() ? "no [[object]]: add one and fingers can touch it"
                               : std::to_string(spec.objects.size()) + " objects; each finger has those near it");
     line(s.world.finger_pairs.on, "  each other",
-         s.world.finger_pairs.on   ? "fingers that come near each other touch; nothing is built before they do"
+         s.world.finger_pairs.on   ? "fingers that come near each other touch"
          : spec.fingers.size() < 2 ? "one finger: there is no other"
                                    : "fingers pass through each other: [contact] fingers = true lets them touch");
     line(true, "solve_skin", "chunks run in parallel:");

@@ -221,10 +221,20 @@ TEST(FingerPairs, WhereNobodyIsNearNothingChanges) {
     auto move = [](double t, World& w) { press(t, w, 0.008, 0.002, 0.1); };
     with.run(0.1, move), without.run(0.1, move);
     EXPECT_EQ(skin_memory_bytes(with.world), skin_memory_bytes(without.world));
-    EXPECT_EQ(with.world.body_solve.places, 0);
+    EXPECT_TRUE(with.world.finger_pairs.near.empty());
     EXPECT_GT(with.world.contact_surfaces[0].normal_force, 0);
     for (std::size_t i = 0; i < 2; ++i)
         EXPECT_TRUE(same_bits(with.world.contact_surfaces[i], without.world.contact_surfaces[i]));
+}
+
+/// A few fingers have the memory for touching each other from the start: the step in which they meet makes none.
+TEST(FingerPairs, FindTheirMemoryWhereTheyMeet) {
+    Lab lab(blocks());
+    EXPECT_EQ(lab.world.contact_growths, 0);
+    lab.run(0.1, [](double t, World& w) { press(t, w, 0.008, 0.002, 0.1); });
+    EXPECT_FALSE(lab.world.finger_pairs.near.empty());
+    EXPECT_GT(lab.world.contact_surfaces[0].normal_force, 0);
+    EXPECT_EQ(lab.world.contact_growths, 0);
 }
 
 /// Pairs of fingers in a row, far from each other pair.

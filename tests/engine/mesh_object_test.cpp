@@ -113,6 +113,15 @@ TEST(MeshObject, SplinesOverCellsHaveTheirDerivatives) {
         const Vec3<double> at{place(random), place(random), place(random)};
         const SampledField f = spline_field(at, per_cell, block), plain = plain_spline_field(at, per_cell, block);
         EXPECT_EQ(0, std::memcmp(&f, &plain, sizeof f));
+        // Away from what counts as near there are no second derivatives, and all else is as it was.
+        const double value = std::abs(f.value);
+        SampledField near = spline_field(at, per_cell, block, 1.001 * value),
+                     far = spline_field(at, per_cell, block, 0.999 * value);
+        EXPECT_EQ(0, std::memcmp(&f, &near, sizeof f));
+        for (int d = 0; d < 3; ++d)
+            for (int e = 0; e < 3; ++e) EXPECT_EQ(far.hessian[d][e], 0);
+        far.hessian = f.hessian;
+        EXPECT_EQ(0, std::memcmp(&f, &far, sizeof f));
         const double h = 1e-4;  // cells
         for (int d = 0; d < 3; ++d) {
             Vec3<double> low = at, high = at;

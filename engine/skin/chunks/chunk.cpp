@@ -55,6 +55,18 @@ void allocate_chunk(SkinChunk<T>& c, std::shared_ptr<const SkinTopology> topolog
 }
 
 template <class T>
+void make_room_for_fingers(SkinChunk<T>& c, bool with_friction) {
+    const bool bodies = c.has_bodies, friction = c.has_friction;
+    const int slots = c.contacts.capacity;
+    c.has_bodies = true;
+    c.has_friction = friction || with_friction;
+    c.contacts.capacity = std::max(slots, first_slots) + 2;  // objects, and fingers beside them
+    resize_fields(c);                                        // touches what it makes
+    c.has_bodies = bodies, c.has_friction = friction, c.contacts.capacity = slots;
+    resize_fields(c);
+}
+
+template <class T>
 void allocate_linear_tissue(SkinChunk<T>& c) {
     c.linear.pairs = tissue_pairs(*c.topology);
     resize_fields(c);
@@ -407,6 +419,7 @@ std::size_t memory_bytes(const SkinChunk<T>& c) {
 #define PALPATE_INSTANTIATE(T)                                                                                   \
     template void allocate_chunk(SkinChunk<T>&, std::shared_ptr<const SkinTopology>, int, bool, bool, int, bool, \
                                  bool);                                                                          \
+    template void make_room_for_fingers(SkinChunk<T>&, bool);                                                    \
     template void allocate_linear_tissue(SkinChunk<T>&);                                                         \
     template void set_lane(SkinChunk<T>&, int, int, const SkinParameters&, const Pose<double>&);                 \
     template void set_contact_areas(SkinChunk<T>&, int, const TetMesh&);                                         \

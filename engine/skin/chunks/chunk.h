@@ -285,6 +285,11 @@ template <class T>
 void allocate_chunk(SkinChunk<T>& chunk, std::shared_ptr<const SkinTopology> topology, int width, bool has_limits,
                     bool has_friction, int object_count, bool has_bodies = false, bool has_membranes = false);
 
+/// Makes room for touching other fingers, which then costs no allocation in the step in which they come near: the chunk
+/// stays as it is.
+template <class T>
+void make_room_for_fingers(SkinChunk<T>& c, bool with_friction);
+
 /// Allocates what linear tissue needs.
 template <class T>
 void allocate_linear_tissue(SkinChunk<T>& chunk);

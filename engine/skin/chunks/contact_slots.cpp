@@ -42,9 +42,10 @@ template <class T>
 bool reserve_contacts(SkinChunk<T>& c, int count) {
     ContactSlots& s = c.contacts;
     if (count <= s.capacity) return false;
+    const std::size_t room = s.lane_contact.capacity();
     s.capacity = std::max(count, s.capacity + std::max(2, s.capacity / 2));
     resize_fields(c);
-    return true;
+    return s.lane_contact.capacity() > room;
 }
 
 }  // namespace

@@ -257,11 +257,10 @@ template <class R>
 inline MaskOf<R> slow_lanes(SkinChunk<ScalarOf<R>>& c, const Evaluation<R>& e, const SolverSettings& settings,
                             LaneProgress<R>& p) {
     if (!c.keeps_matrix) return mask_from_bits<R>(0);
-    constexpr double share = fitted::slow_share * fitted::slow_share;
     const MaskOf<R> led = p.active & (p.iterations > R(0)) & (load<R>(c.state.matrix_kept.data()) > R(1));
     const MaskOf<R> slow =
-        led & (e.residual > R(ScalarOf<R>(share)) * p.base_residual) & !is_balanced_enough(e, settings, p);
-    p.extra += select(slow, R(1), R(0));
+        led & (e.residual > slow_share(settings, p) * p.base_residual) & !is_balanced_enough(e, settings, p);
+    take_back(p, slow);
     auto* wait = c.state.matrix_wait.data();
     store<R>(wait, select(led & !slow, R(1), load<R>(wait)));
     return slow;

@@ -42,7 +42,9 @@ struct LaneProgress {
     R iterations{0}, updates{0}, backtracks{0};
     R budget = std::numeric_limits<ScalarOf<R>>::max();  ///< of iterations, once the deadline has cut it
     R further{0};                                        ///< iterations in place of following contacts
-    R held_back{0};                                      ///< iterations that balance does not ask for yet
+    R spares{0};                                         ///< one where balance has to ask for iterations
+    R held_back{0};                                      ///< of those, the ones that it does not ask for yet
+    R least_force{0};                                    ///< what balance is a share of is no less [N]
     R extra{0};                                          ///< iterations granted beyond the budget
     R uphill{0};                                         ///< steps that were taken back: no halving led to less energy
 };

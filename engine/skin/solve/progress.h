@@ -6,6 +6,7 @@
 // and friction Alart and Curnier 1991, Simo and Laursen 1992): multipliers are updated where the minimisation in
 // positions has come near enough to its end, as in Nocedal and Wright, Numerical Optimization, framework 17.3.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -22,9 +23,32 @@ inline R iterations_allowed(const SolverSettings& s, const LaneProgress<R>& p) {
 }
 
 /// All but the first are held back where the settings say so: while forces are balanced enough. (Not of what touches a
-/// body, or a soft object: what is left unbalanced shakes it.)
-inline int held_back_iterations(const SolverSettings& s) {
-    return s.unbalanced_share > 0 ? s.newton_iterations - 1 : 0;
+/// body, or a soft object: what is left unbalanced shakes it.) `stiffness`: of the tissue [N/m].
+template <class R>
+inline void hold_back(const SolverSettings& s, const R& stiffness, LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    p.spares = R(s.unbalanced_share > 0 ? T(1) : T(0));
+    p.held_back = p.spares * R(T(s.newton_iterations - 1));
+    const R least = minimum(R(T(fitted::least_balanced_force)), R(T(fitted::least_balanced_depth)) * stiffness);
+    p.least_force = R(T(std::min(1.0, fitted::balanced_within / s.dt))) * least;
+}
+
+/// How little of its residual [squared] an iteration by a kept matrix may leave, not to be slow: where iterations are
+/// spared, another one like it may still do.
+template <class R>
+inline R slow_share(const SolverSettings& s, const LaneProgress<R>& p) {
+    using T = ScalarOf<R>;
+    constexpr double all = fitted::slow_share * fitted::slow_share,
+                     spared = fitted::spared_slow_share * fitted::spared_slow_share;
+    const MaskOf<R> more = (p.spares > R(0)) & (p.iterations < R(T(s.newton_iterations)));
+    return select(more, R(T(spared)), R(T(all)));
+}
+
+/// An iteration that led hardly nearer is not counted; the one in its place waits for being asked for, too.
+template <class R>
+inline void take_back(LaneProgress<R>& p, MaskOf<R> lanes) {
+    p.extra += select(lanes, R(1), R(0));
+    p.held_back = select(lanes, maximum(p.held_back, p.spares), p.held_back);
 }
 
 /// What tolerances are relative to [N].
@@ -33,10 +57,11 @@ inline R force_scale(const Evaluation<R>& e) {
     return maximum(maximum(e.contact_force, e.coupling_force), e.force_floor);
 }
 
-/// Balanced so well that what is held back stays so.
+/// Balanced so well that what is held back stays so: to a share of the force, or of so little that an imbalance which
+/// the next step finds is not felt.
 template <class R>
 inline MaskOf<R> is_balanced_enough(const Evaluation<R>& e, const SolverSettings& s, const LaneProgress<R>& p) {
-    const R allowed = R(ScalarOf<R>(s.unbalanced_share)) * force_scale(e);
+    const R allowed = R(ScalarOf<R>(s.unbalanced_share)) * maximum(force_scale(e), p.least_force);
     return (p.held_back > R(0)) & (e.residual <= allowed * allowed);
 }
 

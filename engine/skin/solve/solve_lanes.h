@@ -90,7 +90,7 @@ template <class R>
 void solve_chunk(SkinChunk<ScalarOf<R>>& c, const SolverSettings& settings) {
     detail::begin_step<R>(c, settings);
     detail::LaneSolve<R> solve{c, settings};
-    solve.p.held_back = R(ScalarOf<R>(detail::held_back_iterations(settings)));
+    detail::hold_back<R>(settings, load<R>(c.rest.tissue_stiffness.data()), solve.p);
     detail::keep_base<R>(c, solve.solved);
     detail::iterate(solve, c.cut);
     const unsigned reset = detail::end_iteration<R>(c, solve.e, solve.solved, solve.p.failed, solve.p.converged);
