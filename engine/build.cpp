@@ -161,7 +161,6 @@ void prepare_finger_pairs(const SceneSpec& spec, World& world) {
             samples = std::max(samples, c.topology->sample_count());
         });
         pairs.samples.reserve(2 * samples);
-        reserve_islands(world.body_solve, int(spec.objects.size() + near), world.chunks.count());
     }
     pairs.reach.resize(fingers);
     pairs.slot.resize(fingers);
@@ -411,9 +410,11 @@ World build_world(const SceneSpec& spec) {
     }
     world.gravity = spec.gravity;
     world.pair_frictions = spec.pair_frictions;
+    prepare_finger_pairs(spec, world);  // before there are chunks of soft objects, which touch no finger as fingers do
     add_soft_objects(spec, world);
-    prepare_finger_pairs(spec, world);
     prepare_bodies(world);
+    if (const std::size_t near = world.finger_pairs.near.capacity(); near > 0)
+        reserve_islands(world.body_solve, int(world.bodies.size() + near), world.chunks.count());
     for (VirtualObject& shape : world.shapes)
         if (shape.body >= 0 && world.bodies[shape.body].release > 0) {
             std::swap(shape.body, shape.held_body);
