@@ -8,6 +8,7 @@
 #include <map>
 #include <random>
 
+#include "bench/quantile.h"
 #include "meshes/surface.h"
 #include "scenes/run/summary.h"
 
@@ -37,14 +38,16 @@ double mean_step(const Simulation& s) {
 
 void grasp(benchmark::State& state, const std::string& name, const std::vector<std::string>& settings) {
     static std::map<std::string, Simulation> references;
-    if (!references.count(name)) references.emplace(name, run_grasp(name, {}, false, 0));
-    const Simulation& reference = references.at(name);
+    std::vector<std::string> mesh;  // of the same fingers
+    for (const std::string& s : settings)
+        if (s.starts_with("mesh.")) mesh.push_back(s);
+    const std::string key = name + (mesh.empty() ? "" : "/" + mesh[0]);
+    if (!references.count(key)) references.emplace(key, run_grasp(name, mesh, false, 0));
+    const Simulation& reference = references.at(key);
     for (auto _ : state) {
         const Simulation s = run_grasp(name, settings, false, 0);
         state.SetIterationTime(1e-6 * mean_step(s));
-        std::vector<double> steps = s.step_series.column("total_us");
-        std::nth_element(steps.begin(), steps.begin() + std::ptrdiff_t(steps.size() * 99 / 100), steps.end());
-        state.counters["p99_us"] = steps[steps.size() * 99 / 100];
+        state.counters["p99_us"] = quantile(s.step_series.column("total_us"), 0.99);
         double error = 0, total = 0;
         for (std::size_t f = 0; f < s.finger_series.size(); ++f)
             for (std::size_t r = 0; r < s.finger_series[f].rows(); ++r) {
