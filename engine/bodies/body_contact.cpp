@@ -258,20 +258,25 @@ Faces faces_of(const Shape& shape, const Vec3<double>& x) {
     return faces;
 }
 
-/// Of another object the planes at which the features inside it are nearest to its surface, as far as they differ.
+/// Of another object the planes at which the features inside it, and a's middle, are nearest to its surface, as far as
+/// they differ. (Of a box on which a narrower can stands, only edges at the can's sides may be inside the can.)
 Faces faces_met(const BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a,
                 const ContactBody& b) {
     Faces faces;
     std::size_t count = 0;
     const Mat3<double> R = rotation_matrix(b.start.rotation);
-    for (std::size_t i = 0; i < features.size() && count < faces.size(); ++i) {
+    auto add = [&](const Vec3<double>& point, const SurfacePoint<double>& at) {
+        const Vec3<double> n = transposed_times(R, (1 / std::max(norm(at.normal), 1e-6)) * at.normal);
+        const double reach = dot(n, inverse_transform(b.start, point)) - at.distance;
+        if (count < faces.size() && std::none_of(faces.begin(), faces.begin() + std::ptrdiff_t(count),
+                                                 [&](const Face& f) { return dot(f.normal, n) > fitted::same_face; }))
+            faces[count++] = {n, reach};
+    };
+    add(a.start.position, surface_point(*b.shape, b.start, a.start.position));
+    for (std::size_t i = 0; i < features.size(); ++i) {
         if (pair.contacts[i].undone <= 0) continue;
         const Touch at = touch_of(features[i], a.start, pair.contacts[i], *b.shape, b.start, 0);
-        const Vec3<double> n = transposed_times(R, (1 / std::max(norm(at.surface.normal), 1e-6)) * at.surface.normal);
-        const double reach = dot(n, inverse_transform(b.start, at.point)) - at.surface.distance;
-        if (std::none_of(faces.begin(), faces.begin() + std::ptrdiff_t(count),
-                         [&](const Face& f) { return dot(f.normal, n) > fitted::same_face; }))
-            faces[count++] = {n, reach};
+        add(at.point, at.surface);
     }
     return faces;
 }

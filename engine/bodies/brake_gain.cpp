@@ -34,13 +34,9 @@ bool gains(const BodyWork& w, const BodyProgress& b, int body) {
     return b.gain > uncertainty(w.bodies[std::size_t(body)], b);
 }
 
-/// Coming out of an overlap lifts a body, at a speed of its own: by as much as is undone, twice where it turns about a
-/// corner. More than that is what overlaps that contradict each other throw.
-double recovery(const BodyWork& w, const RigidBody& body, const BodyProgress& b) {
-    if (b.undone <= 0) return 0;
-    const double speed = fitted::recovery_lever * w.solver.recovery_speed;
-    return fitted::recovery_lever * b.undone * norm(b.weight) + 0.5 * body.mass * speed * speed;
-}
+/// Coming out of an overlap lifts a body, by as much as is undone, twice where it turns about a corner; its motion is
+/// no velocity. More than that is what overlaps that contradict each other throw.
+double recovery(const BodyProgress& b) { return fitted::recovery_lever * b.undone * norm(b.weight); }
 
 /// What really acted on a body beside its weight [N].
 Vec3<double> push(const RigidBody& body, const BodyProgress& b) { return body.mass * body.acceleration - b.weight; }
@@ -149,6 +145,64 @@ void add_support_of_objects(BodyWork& w) {
     }
 }
 
+/// Energy of an island's bodies: of motion before and after the step, what they were lifted by, and how much more than
+/// before they may have [J].
+struct IslandEnergy {
+    double before = 0, after = 0, lift = 0, spare = 0;
+};
+IslandEnergy energy_of(const BodyWork& w, const Island& island) {
+    IslandEnergy e;
+    for (int row : island.bodies) {
+        const RigidBody& body = w.bodies[std::size_t(row)];
+        const BodyProgress& b = w.s.bodies[std::size_t(row)];
+        e.before += b.kinetic, e.after += kinetic_energy(body, b.pose.rotation);
+        e.lift -= dot(b.weight, b.pose.position - b.start.position);
+        e.spare += recovery(b) + uncertainty(body, b);
+    }
+    return e;
+}
+
+/// A pose on the way from one to another.
+Pose<double> part_of_way(const Pose<double>& from, const Pose<double>& to, double share) {
+    const double sign =
+        dot(Vec3<double>(from.rotation.vector()), to.rotation.vector()) + from.rotation.w * to.rotation.w < 0 ? -1 : 1;
+    const auto between = [&](double a, double b) { return a + share * (sign * b - a); };
+    const Quaternion<double>&p = from.rotation, &q = to.rotation;
+    return {from.position + share * (to.position - from.position),
+            normalised(Quaternion<double>{between(p.w, q.w), between(p.x, q.x), between(p.y, q.y), between(p.z, q.z)})};
+}
+
+/// Bodies that touch each other and nothing that is driven have together no more than they had: where their solve ends
+/// early, one may have been given what no other has lost. They go more slowly, or where that is not enough, less far.
+void brake_island(BodyWork& w, const Island& island) {
+    const IslandEnergy e = energy_of(w, island);
+    const double left = e.before + e.spare - e.lift;
+    if (e.after <= left) return;
+    const double speed_share = std::sqrt(std::max(0.0, left) / e.after);
+    const double way_share = left >= 0 ? 1 : (e.before + e.spare) / e.lift;
+    for (VirtualObject& shape : w.shapes) {
+        if (shape.body < 0) continue;
+        RigidBody& body = w.bodies[std::size_t(shape.body)];
+        BodyProgress& b = w.s.bodies[std::size_t(shape.body)];
+        if (&w.s.islands[std::size_t(b.island)] != &island || body.asleep || body.reset) continue;
+        if (is_felt(w, body, (1 - speed_share) * body.velocity)) body.converged = false;
+        body.velocity = speed_share * body.velocity;
+        body.angular_momentum = speed_share * body.angular_momentum;
+        if (way_share >= 1) continue;
+        b.pose = part_of_way(b.start, b.pose, way_share);
+        shape.pose = object_pose(body, b.pose);
+    }
+}
+
+/// Islands that neither fingers nor what moves by a track touch.
+void brake_islands(BodyWork& w) {
+    mark_driven(w);
+    for_each_lane(w, [](auto&, int, Island& i) { i.driven = true; });
+    for (int i = 0; i < w.s.island_count; ++i)
+        if (const Island& island = w.s.islands[std::size_t(i)]; !island.driven && !island.bodies.empty())
+            brake_island(w, island);
+}
+
 }  // namespace
 
 bool misses_what_acted(const RigidBody& body, const BodyProgress& b, double times) {
@@ -182,7 +236,7 @@ void brake_gains(BodyWork& w) {
             b.supported = dot(push(body, b), b.carried) / b.load;
             b.carried = {0, 0, 0};  // nor does it go along with what it touched
         }
-        const double excess = b.gain - std::max(0.0, b.supported) - recovery(w, body, b);
+        const double excess = b.gain - std::max(0.0, b.supported) - recovery(b);
         const double share_of_work = body.converged ? fitted::work_share : fitted::rough_work_share;
         if (excess <= uncertainty(body, b) + share_of_work * b.worked) return;
         const Vec3<double> along = b.load > 0 ? (1 / (b.load * w.solver.dt)) * b.carried : Vec3<double>{0, 0, 0};
@@ -204,6 +258,7 @@ void brake_gains(BodyWork& w) {
         body.angular_momentum = share * body.angular_momentum;
         if (excess > 2 * gain_along_chord(body, b) && is_felt(w, body, taken)) body.converged = false;
     });
+    brake_islands(w);
 }
 
 }  // namespace palpate

@@ -198,16 +198,15 @@ void keep_energy(Work& w, const Island& island) {
     }
 }
 
-/// Islands that something driven has met may have its energy.
-void mark_driven(Work& w) {
+}  // namespace
+
+void mark_driven(BodyWork& w) {
     for (int i = 0; i < w.s.island_count; ++i) w.s.islands[i].driven = false;
     for (const BodyPair& p : w.s.pairs)
         if (p.a >= 0)
             for (int object : {p.a, p.b})
                 if (w.s.objects[object].body < 0 && !w.s.objects[object].still) island_of_pair(w, p).driven = true;
 }
-
-}  // namespace
 
 bool is_recovering(const BodyPair& p) {
     return p.a >= 0 && std::any_of(p.contacts.begin(), p.contacts.end(),
@@ -267,6 +266,7 @@ void bounce(BodyWork& w) {
                 if (c.parting > 0) change = std::max(change, bounce_once(w, p, c));
         return change;
     });
+    // Islands that something driven has met may have its energy.
     mark_driven(w);
     for (int i = 0; i < w.s.island_count; ++i)
         if (!w.s.islands[i].driven) keep_energy(w, w.s.islands[i]);

@@ -104,6 +104,8 @@ bool misses_what_acted(const RigidBody& body, const BodyProgress& progress, doub
 /// too.
 void report_what_acted(const BodyWork& w, RigidBody& body, const BodyProgress& progress);
 
+/// Marks islands that something that moves by a track may touch (Island::driven).
+void mark_driven(BodyWork& work);
 /// No contact gives a body more energy than what it belongs to has lost: takes the rest from its velocity. Where a long
 /// step takes a body past something round, the force at the end of its way lies along that way, and works.
 void brake_gains(BodyWork& work);

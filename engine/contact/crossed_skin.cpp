@@ -360,14 +360,15 @@ int nodes_leapt(SkinChunk<T>& c, int lane, const ContactSurface& surface) {
 }
 
 template <class T>
-int nodes_behind(const SkinChunk<T>& c, int lane, const ContactSurface& surface) {
+int nodes_behind(SkinChunk<T>& c, int lane, const ContactSurface& surface) {
     int count = 0;
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
-        const LaneContact& o = c.contacts.at(slot, lane);
+        LaneContact& o = c.contacts.at(slot, lane);
         count += corners_inside(c, lane, o, surface);
-        if (!may_be_behind(c, lane, slot, surface)) continue;
+        if (!o.behind && !may_be_behind(c, lane, slot, surface)) continue;
         int behind = has_middle_inside(c, lane, o, surface);
         for (std::size_t s = 0; s < c.topology->samples.size(); ++s) behind += is_behind(c, lane, o, surface, s);
+        o.behind = behind > 0;
         count += behind;
     }
     return count;
@@ -395,7 +396,7 @@ template int nodes_through_walls(SkinChunk<double>&, int, const ContactSurface&)
 template int nodes_through_walls(SkinChunk<float>&, int, const ContactSurface&);
 template int nodes_leapt(SkinChunk<double>&, int, const ContactSurface&);
 template int nodes_leapt(SkinChunk<float>&, int, const ContactSurface&);
-template int nodes_behind(const SkinChunk<double>&, int, const ContactSurface&);
-template int nodes_behind(const SkinChunk<float>&, int, const ContactSurface&);
+template int nodes_behind(SkinChunk<double>&, int, const ContactSurface&);
+template int nodes_behind(SkinChunk<float>&, int, const ContactSurface&);
 
 }  // namespace palpate

@@ -130,10 +130,13 @@ int detect_for_lane(const Table<VirtualObject>& shapes, const Table<RigidBody>& 
         }
         LaneContact contact = contact_of(c, lane, shape, object, bodies);
         if (sizeof(T) < sizeof(double) && shape.body < 0) keep_near_part(contact, c.reach[std::size_t(lane)]);
-        if (was_near)
-            contact.leapt = c.contacts.at(slot, lane).leapt, c.contacts.at(slot, lane) = contact;
-        else
+        if (was_near) {
+            LaneContact& kept = c.contacts.at(slot, lane);
+            contact.leapt = kept.leapt, contact.behind = kept.behind;
+            kept = contact;
+        } else {
             growths += insert_contact(c, lane, slot, contact), c.contacts.at(slot, lane).fresh = true;
+        }
         ++slot;
     }
     return growths;

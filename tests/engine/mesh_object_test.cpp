@@ -316,6 +316,50 @@ TEST(MeshObject, BoxesOfTrianglesStandOnEachOther) {
     }
 }
 
+/// A prism of twelve sides that stands along z, about the origin.
+Surface prism(double radius, double half) {
+    Surface s;
+    constexpr int sides = 12;
+    for (int i = 0; i < sides; ++i) {
+        const double angle = 2 * M_PI * i / sides, x = radius * std::cos(angle), y = radius * std::sin(angle);
+        s.vertices.push_back({x, y, -half}), s.vertices.push_back({x, y, half});
+    }
+    s.vertices.push_back({0, 0, -half}), s.vertices.push_back({0, 0, half});
+    for (int i = 0; i < sides; ++i) {
+        const int a = 2 * i, b = 2 * ((i + 1) % sides);
+        for (const std::array<int, 3>& t :
+             {std::array{a, b, b + 1}, {a, b + 1, a + 1}, {2 * sides, b, a}, {2 * sides + 1, a + 1, b + 1}})
+            s.triangles.push_back(t);
+    }
+    return s;
+}
+
+/// Of a box that is narrower than the prism on it, only edges at the prism's sides are inside the prism: they leave by
+/// its foot all the same. (It was thrown aside and turned over, with a millijoule from nothing: random scene 5219360.)
+TEST(MeshObject, WhatStandsTooLowOnANarrowBoxIsLifted) {
+    const auto mesh = std::make_shared<const DistanceMesh>(build_distance_mesh(prism(0.0075, 0.009)));
+    for (double dt : {1e-3, 5e-3, 20e-3}) {
+        SceneSpec spec;
+        spec.solver.dt = dt;
+        spec.objects.push_back({"table", {}, Pose<double>::identity(), 0.5});
+        ObjectSpec box{"box", {ShapeKind::box, {0.01, 0.007, 0.006}}, {{0, 0, 0.006}, {1, 0, 0, 0}}, 0.5};
+        box.body = solid_body(box.shape, 0.02);
+        constexpr double overlap = 0.36e-3;
+        ObjectSpec o{"prism", {ShapeKind::mesh, {0, 0, 0}, mesh.get()}, {{0, 0, 0.021 - overlap}, {1, 0, 0, 0}}, 0.5};
+        o.mesh = mesh;
+        o.body = solid_body(o.shape, 0.011);
+        spec.objects.push_back(box), spec.objects.push_back(o);
+        World world = build_world(spec);
+        Threads threads(1);
+        for (int k = 0; k < int(std::lround(0.2 / dt)); ++k) {
+            step(world, threads, {});
+            for (const RigidBody& b : world.bodies) EXPECT_LT(norm(b.velocity), 2e-3) << dt << ", step " << k;
+        }
+        EXPECT_NEAR(norm(world.shapes[2].pose.position - Vec3<double>{0, 0, 0.021}), 0, 5e-5) << dt;
+        EXPECT_NEAR(norm(world.shapes[1].pose.position - box.pose.position), 0, 5e-5) << dt;
+    }
+}
+
 /// Balls that fall into a mug, and balls and cubes that fall on a plate of triangles, stay there in steps of any
 /// length.
 TEST(MeshObject, WhatFallsOnTrianglesStaysOnThem) {

@@ -23,6 +23,7 @@ struct LaneContact {
     Vec3<double> mass_centre{};  ///< of the body, in the object's frame [m]
     bool fresh = false;          ///< was not near in the step before
     int finger = -1;             ///< row of the finger on the other side of the plane that this is; -1: an object
+    bool behind = false;         ///< it was behind nodes of the pad (nodes_behind) at the end of the last step
     int leapt = 0;               ///< nodes that have leapt through it, for as long as it is touched (nodes_leapt)
 };
 
