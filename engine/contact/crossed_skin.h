@@ -9,10 +9,9 @@ namespace palpate {
 
 /// Nodes of the pad behind which, inside the tissue, an object's surface lies deeper than a quarter of the pad's
 /// longest edge: so much is what flat faces between nodes leave out; one more for each narrow thing whose middle is in
-/// there, and for each corner of a box or a mesh that is as deep. But for corners, and what was behind a node in the step
-/// before, looks at nothing where what is near is far larger than the faces, or touches the pad away from its edges, and
-/// moves by little. `surface` holds this
-/// step's positions, outward normals and bone.
+/// there, and for each corner of a box or a mesh that is as deep. But for corners, and what was behind a node in the
+/// step before, looks at nothing where what is near is far larger than the faces, or touches the pad away from its
+/// edges, and moves by little. `surface` holds this step's positions, outward normals and bone.
 template <class T>
 int nodes_behind(SkinChunk<T>& chunk, int lane, const ContactSurface& surface);
 

@@ -30,9 +30,10 @@ inline constexpr double round_edges = 0.9, roundest = 0.5;
 /// is no deeper than this [m].
 inline constexpr double looks_at_face = 0.8, on_face = 2e-5;
 /// Skin wraps an edge where a point of it at the wall is no deeper than this below the face that it looks at, and
-/// another one lies on that face, no farther away than that (ridges, steps and gratings 0.5 to 3 mm high under a
-/// finger, test `Seams.RidgesDoNotHoldSkin`; the scenes `edge`, `corner` and `hole`) [m].
-inline constexpr double wraps_below = 1e-3, wraps_within = 5e-3;
+/// another one lies on that face, no farther away than that; and where it is on the face, no farther from the rim than
+/// the third (ridges, steps and gratings 0.5 to 3 mm high under a finger, test `Seams.RidgesDoNotHoldSkin`; the scenes
+/// `edge`, `corner` and `hole`) [m].
+inline constexpr double wraps_below = 1e-3, wraps_within = 5e-3, at_rim = 2e-4;
 /// Gaps no wider than this between faces that are level to this are bridged: skin spans them, where a sample of it
 /// would sink in and hang (keys and tiles 0.2 and 1 mm apart) [m].
 inline constexpr double bridge = 1.1e-3, level = 1e-4;

@@ -164,6 +164,30 @@ TEST(Seams, RidgesDoNotHoldSkin) {
     EXPECT_LT(std::hypot(force.x, force.y), 1e-3 * force.z);
 }
 
+/// What comes over the rim with the skin around it stays on the face as long as it is next to the rim. It fell beside
+/// the wall, was lifted again in the next step, and each time the step ended its 200 iterations at the wall's plane.
+TEST(Seams, SkinAtARimDoesNotFallAndRiseByTurns) {
+    int number = 0;
+    for (const char* scene : {"edge", "corner"})
+        for (const char* elements : {"347", "525", "700"}) {
+            if (!testing::is_tried(number++, 3)) continue;
+            SCOPED_TRACE(std::string(scene) + ", " + elements);
+            Simulation s = make_simulation(load_scene(testing::source_dir() + "/scenes/" + scene + ".toml",
+                                                      {std::string("finger.index.elements=") + elements}),
+                                           1);
+            double before = 0;
+            while (s.world.time < s.scene.duration - 1e-9) {
+                advance(s);
+                const SkinStatus& status = skin_status(s.world, s.fingers[0]);
+                EXPECT_TRUE(status.converged) << s.world.time;
+                EXPECT_LE(status.newton_iterations, 30) << s.world.time;
+                const double force = s.world.contact_surfaces[0].total.z;
+                EXPECT_NEAR(force, before, 0.05) << s.world.time;
+                before = force;
+            }
+        }
+}
+
 /// So of a mesh: its walls go straight down to the table, although edges of its smooth field are round. A finger that
 /// is drawn against a block came in below it, was pushed into the table, and two thirds of the steps converged.
 TEST(Seams, AMeshOnATableIsNotPassedBelow) {

@@ -117,7 +117,10 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
     d.update = ready & !satisfied & !out_of_budget & (p.iterations > R(0)) & !unbalanced_update &
                (p.updates < R(T(fitted::updates_per_iteration * s.newton_iterations)));
     const MaskOf<R> first = p.iterations <= R(0);
-    d.newton = p.active & !d.retry & !out_of_budget & ((!ready) | ((first | unbalanced_update) & !satisfied));
+    // A step that was taken back with all the damping that there is would be taken back again, and again.
+    const MaskOf<R> stuck =
+        (p.alpha <= R(0)) & (p.slope < R(0)) & (p.exactness <= R(0)) & (p.damping >= R(T(fitted::largest_damping)));
+    d.newton = p.active & !d.retry & !out_of_budget & !stuck & ((!ready) | ((first | unbalanced_update) & !satisfied));
     // Where an iteration has thrown what touched off each other, forces are held against what holds the bone.
     const MaskOf<R> touches = e.contact_force > e.force_floor;
     const MaskOf<R> rough = residual > R(T(fitted::spike_share)) * select(touches, e.contact_force, scale);
@@ -129,7 +132,7 @@ inline LaneDecision<R> decide(const Evaluation<R>& e, const R& rounding, const S
         (p.held_back > R(0)) & (p.budget >= R(T(s.newton_iterations))) & !is_balanced_enough(e, s, p);
     // What goes on evaluates again, with a matrix.
     const MaskOf<R> goes_on =
-        p.active & !d.retry & out_of_budget &
+        p.active & !d.retry & out_of_budget & !stuck &
         (unbalanced | (rough & (p.extra < R(T(fitted::most_extra_iterations)))) |
          (shaky & (p.budget >= R(T(s.newton_iterations))) & (p.extra < R(T(s.steadying_iterations)))));
     p.held_back -= select(goes_on & unbalanced, R(1), R(0));
