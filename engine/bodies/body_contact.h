@@ -65,6 +65,7 @@ struct FeatureContact {
     Vec3<double> met{0, 0, 0};      ///< b's frame: the point of b that it meets there
     double approach = 0;            ///< speed of approach at the start [m/s]
     double offset = 0;              ///< gap at which it touches: below 0 while an overlap is being undone [m]
+    double sunk = 0;                ///< how deep it was where the step began [m]
     double undone = 0;              ///< overlap that this step is to undo: its motion is no velocity [m]
     double parting = 0, brake = 0;  ///< speed that is left [m/s], and the impulse that takes the rest away [N s]
     double bounce = 0;              ///< impulse with which it bounces [N s]

@@ -23,7 +23,7 @@ struct BodyProgress {
     double gain = 0, supported = 0;  ///< energy that contacts gave it in this step, and what they may have given [J]
     double load = 0;                 ///< sum of the forces of contacts [N]
     double worked = 0;               ///< sum of what contacts gave and took [J]
-    double undone = 0;               ///< of its overlaps with objects in this step, the most [m]
+    double undone = 0;               ///< of its overlaps with objects at the start of the step, the most [m]
     Vec3<double> carried{0, 0, 0};   ///< way of what they belong to, times those forces [m N]
     bool flies = false;              ///< near nothing in this step
     // In static equilibrium (anchors.h):

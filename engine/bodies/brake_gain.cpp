@@ -122,10 +122,12 @@ void add_support_of_objects(BodyWork& w) {
         if (p.a < 0) continue;
         const ContactBody &a = w.s.objects[std::size_t(p.a)], &b = w.s.objects[std::size_t(p.b)];
         for (const FeatureContact& contact : p.contacts) {
-            for (const ContactBody* o : {&a, &b})
-                if (o->body >= 0)
-                    if (double& undone = w.s.bodies[std::size_t(o->body)].undone; undone < contact.undone)
-                        undone = contact.undone;
+            const double comes_out = contact.undone > 0 ? contact.undone : contact.sunk;
+            for (const ContactBody* o : {&a, &b}) {
+                if (o->body < 0) continue;
+                double& undone = w.s.bodies[std::size_t(o->body)].undone;
+                undone = std::max(undone, comes_out);
+            }
             for (const PairTerm& term : contact.terms) {
                 if (!term.acts || dot(term.gradient, term.gradient) <= 0) continue;
                 const Vec3<double> of_a = displacement_of(a, a.centre + term.arm_of_a),

@@ -115,6 +115,7 @@ void begin_near_pair(BodyWork& w, BodyPair& p, bool fresh, const std::vector<Pai
         fresh ? std::min(fitted::overlap_of_fresh, fitted::overlap_of_fresh_share * recovery) : fitted::overlap_begins;
     auto begin_contact = [&](FeatureContact& c, const Touch& at) {
         c.approach = -dot(point_velocity(w, p, at.point), at.surface.normal);
+        c.sunk = std::max(0.0, -at.surface.distance);
         if (w.solver.inertia) undo_overlap(c, -at.surface.distance, overlap_begins, recovery);
     };
     for_each_contact(begin_contact);

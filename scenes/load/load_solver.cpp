@@ -33,16 +33,15 @@ void read_level_of_detail(Section& s, SolverSettings& v) {
     v.detail_penetration = automatic ? penetration : 0;
 }
 
-/// What nothing is said of: grasps on fingers whose elements share changes of volume, but have limits of their own, and
-/// those with the cheapest preset, do not come to rest without it; on others it costs time and changes little
-/// (bench/README.md, "Meshes").
+/// What nothing is said of: grasps on fingers whose elements share changes of volume, but have limits of their own, do
+/// not come to rest without it; on others it costs time and changes little (bench/README.md, "Meshes").
 int steadying_where_needed(const Scene& scene) {
     constexpr int enough = 8;
     const auto& fingers = scene.spec.fingers;
     const bool patched = std::any_of(fingers.begin(), fingers.end(), [](const FingerSpec& f) {
         return !f.mesh.patches.empty() && f.mesh.limit_patches.empty();
     });
-    return scene.preset == 0 || patched ? enough : 0;
+    return patched ? enough : 0;
 }
 
 }  // namespace
@@ -62,13 +61,14 @@ void read_solver(Section s, Scene& scene) {
              "when there is slack. 0: never.");
     s.integer("newton_iterations", v.newton_iterations, newton_iterations, "Most linear solves in one step.");
     if (s.has("newton_iterations")) v.unbalanced_share = 0;  // who asks for so many means them
-    s.number("unbalanced_share", v.unbalanced_share, unit::one, unbalanced_share,
-             "Iterations after a step's first are spent only while more than this share of the contact force is "
-             "unbalanced (of 0.33 N at least where a step is 1 ms or shorter, of as much less as it is longer, and of "
-             "less in "
-             "tissue softer than skin), or where "
-             "a body or soft object is touched, which could be shaken. 0: all, until tolerances are met. Where nothing "
-             "is said: 0.003 with preset \"balanced\" and its own `newton_iterations`, else 0.");
+    s.number(
+        "unbalanced_share", v.unbalanced_share, unit::one, unbalanced_share,
+        "Iterations after a step's first are spent only while more than this share of the contact force is "
+        "unbalanced (of 0.33 N at least where a step is 1 ms or shorter, of as much less as it is longer, and of "
+        "less in "
+        "tissue softer than skin), or where "
+        "a body or soft object is touched, which could be shaken. 0: all, until tolerances are met. Where nothing "
+        "is said: 0.03 with preset \"fast\" and 0.003 with \"balanced\", and their own `newton_iterations`, else 0.");
     s.number("tolerance", v.tolerance, unit::one, tolerance, "Force residual, relative to the forces acting.");
     s.number("multiplier_tolerance", v.multiplier_tolerance, unit::one, multiplier_tolerance,
              "Change of contact forces and limit stresses that may be pending, relative to the forces acting.");
@@ -84,8 +84,8 @@ void read_solver(Section s, Scene& scene) {
     s.integer(
         "steadying_iterations", v.steadying_iterations, steadying_iterations,
         "Most linear solves more in a step that would shake a body held by tissue at its strain limits, so that a "
-        "grasp comes to rest. 0: none. Where nothing is said: 8 with preset \"fast\" and where a finger's mesh has "
-        "patches but limits of elements, else 0. A step that `deadline_ms` sends to another preset has none.");
+        "grasp comes to rest. 0: none. Where nothing is said: 8 where a finger's mesh has patches but limits of "
+        "elements, else 0. A step that `deadline_ms` sends to another preset has none.");
     s.integer("sample_refinement", v.sample_refinement, sample_refinement,
               "1: contact is decided at nodes; n: at n times as many points along every edge of the pad's faces. Soft "
               "objects in scenes with bodies have 3 at least.");

@@ -11,8 +11,8 @@ const std::vector<std::string>& preset_names() {
 
 void apply_preset(int preset, SolverSettings& v) {
     if (preset == 3) return;
-    v.newton_iterations = preset == 2 ? 6 : preset == 1 ? 2 : 1;
-    v.unbalanced_share = preset == 1 ? 0.003 : 0;
+    v.newton_iterations = preset == 2 ? 6 : 2;
+    v.unbalanced_share = preset == 2 ? 0 : preset == 1 ? 0.003 : 0.03;
     v.stiffness_steps = 16;
     v.tolerance = 1e-4;
     v.multiplier_tolerance = 1e-3;
@@ -63,6 +63,7 @@ SolverSettings settings_of(const Governor& g, int preset) {
     apply_preset(preset, s);
     if (g.highest < 3) s.stiffness_steps = g.asked.stiffness_steps;
     s.steadying_iterations = 0;  // what is to be in time is not solved on
+    if (preset == 0) s.newton_iterations = 1, s.unbalanced_share = 0;
     return s;
 }
 

@@ -34,7 +34,7 @@ struct Governor {
 Governor make_governor(double deadline, int highest, const SolverSettings& asked);
 /// Takes in how long a step took, and whether it was cut short; afterwards `preset` is that of the next one.
 void govern(Governor& governor, double step_seconds, bool cut_short = false);
-/// Settings of the governor's preset.
+/// Settings of the governor's preset; of "fast", with one iteration a step, whatever is left unbalanced.
 SolverSettings settings_of(const Governor& governor, int preset);
 
 }  // namespace palpate

@@ -90,7 +90,7 @@ RecordedRun read_header(const nlohmann::json& j) {
     run.fingers_touch = j.value("fingers_touch", false);
     run.conforming = j.value("conforming", false), run.patches_limited = j.value("patches_limited", false);
     run.keeps_matrices = j.value("keeps_matrices", false);
-    run.spares_iterations = j.value("spares_iterations", false);
+    run.spares_iterations = j.value("spares_iterations", false), run.fast_spares = j.value("fast_spares", false);
     run.governed = j.value("governed", false), run.duration = j.value("duration_s", 0.0);
     return run;
 }

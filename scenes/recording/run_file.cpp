@@ -1,5 +1,6 @@
 #include "scenes/recording/run_file.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "meshes/input_error.h"
@@ -104,6 +105,7 @@ void RunWriter::begin(const Simulation& s, const std::vector<std::string>& overr
                                {"patches_limited", true},
                                {"keeps_matrices", true},
                                {"spares_iterations", true},
+                               {"fast_spares", true},
                                {"dt_s", s.world.solver.dt},
                                {"duration_s", s.scene.duration}}));
 }
@@ -156,8 +158,18 @@ void RunWriter::finish() {
 Scene recorded_scene(const RecordedRun& run, const std::filesystem::path& file,
                      const std::vector<std::string>& overrides) {
     // In runs from before fingers touched each other, they did not; nor were their meshes conforming unsaid, nor
-    // their limits those of patches; every matrix was a new one, and all iterations were spent.
+    // their limits those of patches; every matrix was a new one, and all iterations were spent. `fast` had one, and
+    // steadied what shook.
+    auto is_set = [&](const std::string& key) {
+        const auto names = [&](const std::string& text) { return text.find(key) != std::string::npos; };
+        return names(run.text) || std::any_of(overrides.begin(), overrides.end(), names);
+    };
     auto as_then = [&](Scene scene) {
+        if (SolverSettings& v = scene.spec.solver; !run.fast_spares && scene.preset == 0) {
+            if (!is_set("newton_iterations")) v.newton_iterations = 1;
+            if (!is_set("unbalanced_share")) v.unbalanced_share = 0;
+            if (!is_set("steadying_iterations")) v.steadying_iterations = 8;
+        }
         scene.spec.fingers_touch = scene.spec.fingers_touch && run.fingers_touch;
         for (const std::string& change : changes_of(run.files, "the run was recorded"))
             scene.warnings.push_back(change);

@@ -96,6 +96,7 @@ struct RecordedRun {
     bool patches_limited = false;    ///< nor that strain limits of these are of patches
     bool keeps_matrices = false;     ///< nor that Newton matrices are kept from step to step
     bool spares_iterations = false;  ///< nor that `balanced` spares iterations where forces are balanced
+    bool fast_spares = false;        ///< nor that `fast` does
     double duration = 0;             ///< asked for [s]; 0: the file does not say
     std::vector<RecordedStep> steps;
     std::vector<Change> changes;
