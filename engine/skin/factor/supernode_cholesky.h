@@ -60,14 +60,24 @@ inline void apply_update(const SupernodeFactor& f, const SupernodeUpdate& u, con
     const RowRun *first = &f.runs[u.first_run], *last = first + u.run_count;
     const int count = source.row_count - u.begin, columns = u.end - u.begin;
     const std::size_t width = target.stride, stride = std::size_t(3 * count + 2 * 16);
-    for (int t = 0; t < columns; ++t)
-        for (int c = 0; c < 3; ++c) {
-            const T* from = panels + target.panel + std::size_t(3 * place[t] + c) * width;
-            T* to = work + std::size_t(3 * t + c) * stride;
-            for (const RowRun* r = first; r != last; ++r)  // what is copied past the end of a run the next overwrites
-                for (int i = 0; i < 3 * r->count; i += W)
-                    store(to + 3 * r->source + i, load<V>(from + 3 * r->target + i));
+    // What lies together in one column does so in all.
+    auto for_each_column = [&](const RowRun& r, auto copy) {
+        T* in_panel = panels + target.panel + 3 * r.target;
+        T* in_work = work + 3 * r.source;
+        for (int t = 0; t < columns; ++t) {
+            T *p = in_panel + std::size_t(3 * place[t]) * width, *w = in_work + std::size_t(3 * t) * stride;
+            copy(p, w), copy(p + width, w + stride), copy(p + 2 * width, w + 2 * stride);
         }
+    };
+    for (const RowRun* r = first; r != last; ++r) {  // what is copied past the end of a run the next overwrites
+        const int scalars = 3 * r->count;
+        if (scalars <= W)
+            for_each_column(*r, [](const T* p, T* w) { store(w, load<V>(p)); });
+        else
+            for_each_column(*r, [=](const T* p, T* w) {
+                for (int i = 0; i < scalars; i += W) store(w + i, load<V>(p + i));
+            });
+    }
     for (int t = 0; t < columns;) {
         T* to = work + std::size_t(3 * t) * stride + 3 * t;
         const T* from = panels + source.panel + 3 * (u.begin + t);
@@ -79,22 +89,16 @@ inline void apply_update(const SupernodeFactor& f, const SupernodeUpdate& u, con
             t += 1;
         }
     }
-    for (int t = 0; t < columns; ++t)
-        for (int c = 0; c < 3; ++c) {
-            const T* from = work + std::size_t(3 * t + c) * stride;
-            T* to = panels + target.panel + std::size_t(3 * place[t] + c) * width;
-            for (const RowRun* r = first; r != last; ++r) {
-                const T* a = from + 3 * r->source;
-                T* b = to + 3 * r->target;
-                const int scalars = 3 * r->count;
-                if (scalars < W) {
-                    copy_triples<V>(b, a, scalars);
-                    continue;
-                }
-                for (int i = 0; i + W < scalars; i += W) store(b + i, load<V>(a + i));
-                store(b + scalars - W, load<V>(a + scalars - W));
-            }
-        }
+    for (const RowRun* r = first; r != last; ++r) {
+        const int scalars = 3 * r->count;
+        if (scalars < W)
+            for_each_column(*r, [=](T* p, const T* w) { copy_triples<V>(p, w, scalars); });
+        else
+            for_each_column(*r, [=](T* p, const T* w) {
+                for (int i = 0; i + W < scalars; i += W) store(p + i, load<V>(w + i));
+                store(p + scalars - W, load<V>(w + scalars - W));
+            });
+    }
 }
 
 /// Factors the panel of a supernode that has got all its updates. Registers cover the same rows in every column, from
