@@ -47,24 +47,27 @@ inline int face_towards(const Shape& shape, const Vec3<double>& outward) {
 /// points, so that of two with an edge between them one lies on the face that the skin looks at, and the other below
 /// it, at the wall beside it. What presses on skin presses along the skin's normal, and there that is the face's: held
 /// by the wall, the skin would hang at the edge (a ridge 1 mm high that is drawn under a finger, without friction:
-/// 24 N). The face, a strict side, is bridged towards the wall; on the face it is so already near the rim, or what came
-/// over the rim would fall beside the wall, and be lifted again, by turns (a finger on an edge: steps of 200
-/// iterations, from a place where the wall's plane was a cliff of potential). `any(is)`: whether is(p) holds of any
-/// point p of the skin (object's frame).
+/// 24 N). The face, a strict side, is bridged towards the wall; on the face it is so already where it may come to the
+/// rim in this step (`travel`), or what came over the rim would fall beside the wall, and be lifted again, by turns (a
+/// finger on an edge: steps of 200 iterations, from a place where the wall's plane was a cliff of potential).
+/// `any(is)`: whether is(p) holds of any point p of the skin (object's frame).
 template <class AnyPoint>
-int side_round_edge(const Shape& shape, const Vec3<double>& x, const Vec3<double>& outward, int before, AnyPoint any) {
+int side_round_edge(const Shape& shape, const Vec3<double>& x, const Vec3<double>& outward, int before, double travel,
+                    AnyPoint any) {
     const int face = face_towards(shape, outward), axis = std::abs(face) - 1, towards = face < 0 ? -1 : 1;
     const bool disc = shape.kind == ShapeKind::cylinder;
     const double half = disc ? shape.size.y : shape.size[axis], depth = half - towards * x[axis];
     if (!(depth > -fitted::on_face) || depth > fitted::wraps_below || before == -face) return 0;
     if (std::abs(outward[axis]) < fitted::looks_at_face) return 0;
     const double radius = disc ? std::hypot(x.x, x.y) : 0;
-    const double at_wall = depth > fitted::on_face ? fitted::on_face : fitted::at_rim;
+    const bool on = depth <= fitted::on_face;
+    const double before_wall = on ? fitted::at_rim + std::min(travel, fitted::bridge) : fitted::on_face,
+                 behind_wall = on ? fitted::at_rim : fitted::on_face;
     int along = 0;
     for (int k = 1; k < 3 && along == 0; ++k) {
         const int i = (axis + k) % 3;
         const double beside = disc ? radius - shape.size.x : std::abs(x[i]) - shape.size[i];
-        if (std::abs(beside) < at_wall) along = disc ? 3 : k;
+        if (beside > -before_wall && beside < behind_wall) along = disc ? 3 : k;
     }
     if (along == 0) return 0;
     const auto is_on_face = [&](const Vec3<double>& p) {

@@ -188,6 +188,39 @@ TEST(Seams, SkinAtARimDoesNotFallAndRiseByTurns) {
         }
 }
 
+/// Nor where a finger is drawn over the rim of a box, or of a cylinder's end, with or without friction.
+TEST(Seams, FingersSlideOffRims) {
+    int number = 0;
+    for (const char* object :
+         {"kind = \"box\"\nsize_mm = [60, 40, 20]", "kind = \"cylinder\"\nradius_mm = 20\nlength_mm = 20"})
+        for (const char* friction : {"0", "0.5"})
+            for (const char* dt_ms : {"1", "5"}) {
+                if (!testing::is_tried(number++, 3)) continue;
+                SCOPED_TRACE(std::string(object) + ", " + friction + ", " + dt_ms + " ms");
+                Simulation s = make_simulation(
+                    load_scene_text(std::string("duration_s = 0.9\ndt_ms = ") + dt_ms +
+                                        "\n[limits]\nlow = 0.6\nhigh = 1.4\n[[object]]\nname = \"below\"\n" + object +
+                                        "\nfriction = " + friction +
+                                        "\nposition_mm = [0, -20, -10]\n[[finger]]\nname = \"f\"\n"
+                                        "shape = { finger = \"index\" }\nelements = 347\n"
+                                        "track = [ { t_s = 0, position_mm = [0, -8, 9.5] }, "
+                                        "{ t_s = 0.3, position_mm = [0, -8, 6.7] }, "
+                                        "{ t_s = 0.8, position_mm = [0, 8, 6.7] } ]\n",
+                                    "rim.toml"),
+                    1);
+                double before = 0;
+                while (s.world.time < s.scene.duration - 1e-9) {
+                    advance(s);
+                    const SkinStatus& status = skin_status(s.world, s.fingers[0]);
+                    EXPECT_TRUE(status.converged) << s.world.time;
+                    EXPECT_LE(status.newton_iterations, 40) << s.world.time;
+                    const double force = s.world.contact_surfaces[0].total.z;
+                    EXPECT_NEAR(force, before, 0.25) << s.world.time;
+                    before = force;
+                }
+            }
+}
+
 /// So of a mesh: its walls go straight down to the table, although edges of its smooth field are round. A finger that
 /// is drawn against a block came in below it, was pushed into the table, and two thirds of the steps converged.
 TEST(Seams, AMeshOnATableIsNotPassedBelow) {

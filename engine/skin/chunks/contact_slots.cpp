@@ -164,7 +164,7 @@ int side_of_sample(const SkinChunk<T>& c, int slot, int lane, std::size_t sample
             if (is(inverse_transform(o.start, origin + start_of_sample(c, s, lane)))) return true;
         return false;
     };
-    if (const int round = wraps ? side_round_edge(o.shape, local, outward, plain_side(before), any_sample) : 0)
+    if (const int round = wraps ? side_round_edge(o.shape, local, outward, plain_side(before), travel, any_sample) : 0)
         return round;
     int side = side_of_surface(o.shape, local, outward, before, travel);
     if (side != plain_side(side))
