@@ -180,7 +180,7 @@ void brake_island(BodyWork& w, const Island& island) {
     const IslandEnergy e = energy_of(w, island);
     const double left = e.before + e.spare - e.lift;
     if (e.after <= left) return;
-    const double speed_share = std::sqrt(std::max(0.0, left) / e.after);
+    const double speed_share = left > 0 ? std::sqrt(left / e.after) : 0;
     const double way_share = left >= 0 ? 1 : (e.before + e.spare) / e.lift;
     for (VirtualObject& shape : w.shapes) {
         if (shape.body < 0) continue;
