@@ -164,6 +164,21 @@ TEST(Seams, RidgesDoNotHoldSkin) {
     EXPECT_LT(std::hypot(force.x, force.y), 1e-3 * force.z);
 }
 
+/// All steps of the first finger converge, within so many iterations, and its upward force changes by no more than
+/// `jump` [N] in any.
+void expect_calm(Simulation& s, int iterations, double jump) {
+    double before = 0;
+    while (s.world.time < s.scene.duration - 1e-9) {
+        advance(s);
+        const SkinStatus& status = skin_status(s.world, s.fingers[0]);
+        EXPECT_TRUE(status.converged) << s.world.time;
+        EXPECT_LE(status.newton_iterations, iterations) << s.world.time;
+        const double force = s.world.contact_surfaces[0].total.z;
+        EXPECT_NEAR(force, before, jump) << s.world.time;
+        before = force;
+    }
+}
+
 /// What comes over the rim with the skin around it stays on the face as long as it is next to the rim. It fell beside
 /// the wall, was lifted again in the next step, and each time the step ended its 200 iterations at the wall's plane.
 TEST(Seams, SkinAtARimDoesNotFallAndRiseByTurns) {
@@ -175,16 +190,7 @@ TEST(Seams, SkinAtARimDoesNotFallAndRiseByTurns) {
             Simulation s = make_simulation(load_scene(testing::source_dir() + "/scenes/" + scene + ".toml",
                                                       {std::string("finger.index.elements=") + elements}),
                                            1);
-            double before = 0;
-            while (s.world.time < s.scene.duration - 1e-9) {
-                advance(s);
-                const SkinStatus& status = skin_status(s.world, s.fingers[0]);
-                EXPECT_TRUE(status.converged) << s.world.time;
-                EXPECT_LE(status.newton_iterations, 30) << s.world.time;
-                const double force = s.world.contact_surfaces[0].total.z;
-                EXPECT_NEAR(force, before, 0.05) << s.world.time;
-                before = force;
-            }
+            expect_calm(s, 30, 0.05);
         }
 }
 
@@ -208,16 +214,7 @@ TEST(Seams, FingersSlideOffRims) {
                                         "{ t_s = 0.8, position_mm = [0, 8, 6.7] } ]\n",
                                     "rim.toml"),
                     1);
-                double before = 0;
-                while (s.world.time < s.scene.duration - 1e-9) {
-                    advance(s);
-                    const SkinStatus& status = skin_status(s.world, s.fingers[0]);
-                    EXPECT_TRUE(status.converged) << s.world.time;
-                    EXPECT_LE(status.newton_iterations, 40) << s.world.time;
-                    const double force = s.world.contact_surfaces[0].total.z;
-                    EXPECT_NEAR(force, before, 0.25) << s.world.time;
-                    before = force;
-                }
+                expect_calm(s, 40, 0.25);
             }
 }
 
