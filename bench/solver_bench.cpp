@@ -182,8 +182,11 @@ const bool registered = [] {
             both("goal_5/256_threads_" + std::to_string(threads) + "/its_" + std::to_string(its),
                  {fingers(256, case_a), its, threads});
     for (int its : {1, 2}) both("goal_6/case_b/its_" + std::to_string(its), {fingers(1, case_b), its});
-    for (int elements : {350, 1000, 2000, 4000, 8000, 20000})
+    for (int elements : {350, 1000, 2000, 4000, 8000, 20000}) {
         both("size/" + std::to_string(elements) + "/its_2", {fingers(1, elements), 2});
+        if (elements >= case_b)  // their matrices are factored by both
+            both("size/" + std::to_string(elements) + "/its_2/two_threads", {fingers(1, elements), 2, 2});
+    }
     return true;
 }();
 

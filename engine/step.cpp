@@ -22,6 +22,7 @@ void timed(double& seconds, System system) {
 double solve(World& w, Threads& threads) {
     StepProfile& p = w.profile;
     double read = 0;
+    lend_threads(threads, w.chunks);
     auto skins = [&] {
         timed(p.solve_skin,
               [&] { read = solve_skins(w.solver, w.skins, threads, w.chunks, w.couplings, w.contact_surfaces); });

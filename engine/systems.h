@@ -54,6 +54,9 @@ void choose_detail(const SolverSettings& solver, std::int64_t step, SkinChunks& 
 /// whether solved or not.
 void gather_lanes(Table<Skin>& skins, SkinChunks& chunks);
 
+/// Lets each large finger that is alone in its chunk factor its matrix on these threads, in this step.
+void lend_threads(Threads& threads, SkinChunks& chunks);
+
 /// One implicit step of every chunk (solve/solve_lanes.h) that is near no body, chunks in parallel. The contact of
 /// chunks that take turns at work memory is read at once (extract_chunk): what is read is still in the cache then, and
 /// much of it outlives no step. Returns what that took of the time [s].

@@ -161,11 +161,13 @@ void add_to_lane(SkinChunk<T>& c, int lane, const SoftPair& p, bool is_finger) {
 template <class T>
 double residual_of(const SkinChunk<T>& c, int lane) {
     double sum = 0;
-    for (int u : c.topology->unknowns)
+    for (int u : c.topology->unknowns) {
+        const double arm = u == c.topology->bone_rotation ? double(c.rest.extent[std::size_t(lane)]) : 1;
         for (int d = 0; d < 3; ++d) {
-            const double g = double(c.scratch.gradient[std::size_t((3 * u + d) * c.width + lane)]);
+            const double g = double(c.scratch.gradient[std::size_t((3 * u + d) * c.width + lane)]) / arm;
             sum += g * g;
         }
+    }
     return sum;
 }
 

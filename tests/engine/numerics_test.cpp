@@ -1,8 +1,12 @@
 // Lanes, singular values, block Cholesky, tables.
 
+#include <oneapi/tbb/global_control.h>
+
+#include <cstring>
+
 #include "engine/ecs/table.h"
 #include "engine/math/svd3.h"
-#include "engine/skin/factor/supernode_cholesky.h"
+#include "engine/skin/factor/supernode_threads.h"
 #include "engine/skin/solve/progress.h"
 #include "engine/skin/tissue/isotropic.h"
 #include "tests/engine/matrices.h"
@@ -151,6 +155,53 @@ TEST(BlockCholesky, FactorsWhatFollowsOfChangedColumnsAlone) {
         // Columns that are not marked are not touched.
         const std::vector<unsigned char> none(RandomSystem::size, 0);
         EXPECT_EQ(factored(none.data(), panels, factor), std::make_pair(panels, factor));
+    }
+}
+
+/// Supernodes by several threads: all of them, then those of changed columns.
+TEST(BlockCholesky, SolvesWithTheSameBitsByAnyNumberOfThreads) {
+    const oneapi::tbb::global_control five_threads(oneapi::tbb::global_control::max_allowed_parallelism, 5);
+    std::mt19937 random(6);
+    for (int trial = 0; trial < 50; ++trial) {
+        RandomSystem s = random_system(random);
+        SupernodeFactor f = build_supernodes(s.pattern);
+        f.workers = SupernodeFactor::most_workers;
+        const std::vector<unsigned char> all(RandomSystem::size, 1);
+        std::vector<unsigned char> changed(RandomSystem::size, 0);
+        const int column = trial % RandomSystem::size;
+        changed[std::size_t(column)] = 1;
+        mark_ancestors(s.pattern, changed.data());
+        LaneArray<double> blocks = s.blocks;
+        blocks[9 * std::size_t(s.pattern.find(column, column))] = trial % 3 == 0 ? -1 : 90;  // no pivot, or another
+        std::vector<LaneArray<double>> solutions;
+        double bad_pivots = -1;
+        for (int count = 0; count <= 5; ++count) {  // 0: alone
+            Threads threads(std::max(1, count));
+            LaneArray<double> panels(f.panel_scalars, 0.0), work(panel_work_scalars(f), 0.0);
+            std::vector<int> done(f.supernodes.size());
+            auto factor = [&](const LaneArray<double>& from, const std::vector<unsigned char>& marks) {
+                return count == 0 ? factor_supernodes<double>(f, s.pattern, from.data(), panels.data(), work.data(),
+                                                              marks.data())
+                                  : factor_supernodes_together<double>(f, s.pattern, from.data(), panels.data(),
+                                                                       work.data(), marks.data(), done, threads);
+            };
+            auto solve = [&] {
+                LaneArray<double>& x = solutions.emplace_back(3 * RandomSystem::size, 1.0);
+                solve_supernodes<double>(f, panels.data(), x.data(), work.data());
+            };
+            EXPECT_EQ(factor(s.blocks, all), 0);
+            solve();
+            const double bad = factor(blocks, changed);
+            if (count == 0) bad_pivots = bad;
+            EXPECT_EQ(bad, bad_pivots);
+            EXPECT_EQ(bad > 0, trial % 3 == 0);
+            solve();
+            EXPECT_NE(solutions[0], solutions[1]);
+            for (std::size_t k : {0, 1})  // bits: without a pivot there may be no number
+                EXPECT_EQ(0, std::memcmp(solutions[solutions.size() - 2 + k].data(), solutions[k].data(),
+                                         solutions[k].size() * sizeof(double)))
+                    << count;
+        }
     }
 }
 

@@ -140,6 +140,30 @@ TEST_P(StepWithBodies, SameBitsForAnyNumberOfThreads) {
     }
 }
 
+/// The matrix of a large finger is factored by several threads.
+TEST(Step, ALargeFingerIsTheSameBitsForAnyNumberOfThreads) {
+    const oneapi::tbb::global_control four_threads(oneapi::tbb::global_control::max_allowed_parallelism, 4);
+    for (const bool with_body : {false, true}) {
+        std::vector<World> worlds;
+        for (int count : {1, 2, 4}) {
+            SceneSpec spec = scene_of(1, true, 0.4, with_body);
+            spec.fingers[0].mesh = testing::block_mesh(14, 12, 9, 0.001);
+            spec.fingers[0].single_precision = true;
+            spec.solver.newton_iterations = 2;
+            worlds.push_back(build_world(spec));
+            Threads threads(count);
+            drive(worlds.back(), threads, 16);
+            const auto& chunk = worlds.back().chunks.floats.at(0);
+            ASSERT_EQ(chunk.topology->supernodes.workers, SupernodeFactor::most_workers);
+            ASSERT_EQ(chunk.threads != nullptr, count > 1);
+        }
+        EXPECT_GT(worlds[0].contact_surfaces[0].normal_force, 0.05);
+        for (std::size_t k = 1; k < worlds.size(); ++k)
+            EXPECT_EQ(worlds[0].chunks.floats[0].state.position, worlds[k].chunks.floats[0].state.position)
+                << with_body;
+    }
+}
+
 TEST(Step, WhatIsNearNoBodyIsSolvedBesideBodiesWithTheSameBits) {
     const oneapi::tbb::global_control eight_threads(oneapi::tbb::global_control::max_allowed_parallelism, 8);
     std::vector<World> worlds;

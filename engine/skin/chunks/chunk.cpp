@@ -33,6 +33,8 @@ void resize_fields(SkinChunk<T>& c) {
     c.exchange.idle_columns.resize(c.has_bodies ? std::size_t(s.capacity) : 0);
     c.scratch.outward.resize(has_own_work(c) ? c.topology->samples.size() : 0);
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
+    if (c.width == 1 && c.topology->supernodes.workers > 1)
+        c.scratch.factored.resize(c.topology->supernodes.supernodes.size());
     for_each_field(c, [&](auto& array, const Field& f) {
         array.resize(numbers_per_lane(f, s.capacity) * std::size_t(c.width),
                      typename std::remove_reference_t<decltype(array)>::value_type(f.first));

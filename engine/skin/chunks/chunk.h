@@ -17,6 +17,8 @@
 
 namespace palpate {
 
+class Threads;
+
 inline constexpr int bone_spring_count = 3;  ///< virtual coupling, its damper, bone inertia
 
 /// Rest shape, material and limits. Written once, at load; where all fingers of an archetype are alike, one memory of
@@ -120,6 +122,7 @@ struct SkinScratch {
     LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation; empty if corotational
     std::vector<Vec3<double>> outward;  ///< of the lane whose contact is being read: [sample at a node], finger frame
     std::vector<unsigned char> changed_columns;  ///< [column] of the matrix: 1 = not what the factor was made from
+    std::vector<int> factored;                   ///< [supernode] 1: by one of several threads, or it is as it was
     std::vector<NotedLimit> noted_limits;  ///< of the running evaluation; memory for every element where limits are
     /// [limit] Bits of the lanes whose multiplier, and whose candidate, may be other than zero: few are, and the others
     /// are not looked at. The first are counted as a step begins; the second go with limit_candidate.
@@ -252,6 +255,7 @@ struct SkinChunk {
     std::vector<int> finger;               ///< [lane] row of the finger; -1 where empty
     std::vector<SkinStatus> status;        ///< [lane]
     StepCut cut;
+    Threads* threads = nullptr;  ///< lent for a step (lend_threads); null: its matrix is factored by one thread
     ContactSlots contacts;
     SkinRest<T> rest;
     SkinState<T> state;

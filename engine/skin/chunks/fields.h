@@ -158,7 +158,7 @@ void for_each_scratch_field(Chunk& c, Visit visit) {
     visit(w.blocks, of_matrix(9 * std::size_t(c.topology->block_count)));
     visit(w.factor, work_of(c.width > 1 ? 9 * std::size_t(c.topology->block_count) : 0));  // holds blocks, too
     visit(w.panels, work_of(c.width == 1 ? std::size_t(c.topology->supernodes.panel_scalars) : 0));
-    visit(w.panel_work, work_of(c.width == 1 ? std::size_t(c.topology->supernodes.work_scalars) : 0));
+    visit(w.panel_work, work_of(c.width == 1 ? panel_work_scalars(c.topology->supernodes) : 0));
     visit(w.first_direction, work_of(n.samples > 0 || n.limited > 0 ? n.everything : 0));
     visit(w.sample_gradient, work_of(3 * n.samples));
     visit(w.sample_curvature, work_of(9 * n.samples));

@@ -149,30 +149,48 @@ inline void factor_panel(const Supernode& s, ScalarOf<R>* panel, R& bad_pivots) 
 
 }  // namespace detail
 
+namespace detail {
+
+/// Whether a column of a supernode is marked.
+inline bool is_changed(const Supernode& s, const unsigned char* changed) {
+    if (!changed) return true;
+    const unsigned char* first = changed + s.first_column;
+    return std::any_of(first, first + s.column_count, [](unsigned char mark) { return mark != 0; });
+}
+
+/// Factors one supernode; wait(source) is called before what an earlier one holds is read.
+template <class R, class Wait>
+inline void factor_supernode(const SupernodeFactor& f, const BlockPattern& p, const Supernode& s,
+                             const ScalarOf<R>* blocks, ScalarOf<R>* panels, ScalarOf<R>* work, R& bad_pivots,
+                             const Wait& wait) {
+    using T = ScalarOf<R>;
+    using V = typename RowLanes<R>::type;
+    T* panel = panels + s.panel;
+    std::fill(panel, panel + std::size_t(3 * s.column_count) * s.stride, T(0));
+    for (int b = p.column_start[s.first_column]; b < p.column_start[s.first_column + s.column_count]; ++b) {
+        if (!p.in_matrix(b)) continue;
+        const T* from = blocks + 9 * std::size_t(b);
+        T* to = panels + f.block_offset[b];
+        for (int i = 0; i < 9; ++i) to[std::size_t(i % 3) * s.stride + i / 3] = from[i];
+    }
+    for (int u = s.first_update; u < s.first_update + s.update_count; ++u) {
+        wait(f.updates[u].source);
+        apply_update<V>(f, f.updates[u], s, panels, work);
+    }
+    factor_panel<V, R>(s, panel, bad_pivots);
+}
+
+}  // namespace detail
+
 /// Factors the blocks of `p` into `panels` (panel_scalars), as factor_blocks does: where no column of a supernode is
 /// marked, it stays.
 template <class R>
 inline R factor_supernodes(const SupernodeFactor& f, const BlockPattern& p, const ScalarOf<R>* blocks,
                            ScalarOf<R>* panels, ScalarOf<R>* work, const unsigned char* changed = nullptr) {
-    using T = ScalarOf<R>;
-    using V = typename RowLanes<R>::type;
     R bad_pivots(0);
-    for (const Supernode& s : f.supernodes) {
-        const unsigned char* first = changed + s.first_column;
-        if (changed && std::none_of(first, first + s.column_count, [](unsigned char mark) { return mark != 0; }))
-            continue;
-        T* panel = panels + s.panel;
-        std::fill(panel, panel + std::size_t(3 * s.column_count) * s.stride, T(0));
-        for (int b = p.column_start[s.first_column]; b < p.column_start[s.first_column + s.column_count]; ++b) {
-            if (!p.in_matrix(b)) continue;
-            const T* from = blocks + 9 * std::size_t(b);
-            T* to = panels + f.block_offset[b];
-            for (int i = 0; i < 9; ++i) to[std::size_t(i % 3) * s.stride + i / 3] = from[i];
-        }
-        for (int u = s.first_update; u < s.first_update + s.update_count; ++u)
-            detail::apply_update<V>(f, f.updates[u], s, panels, work);
-        detail::factor_panel<V, R>(s, panel, bad_pivots);
-    }
+    for (const Supernode& s : f.supernodes)
+        if (detail::is_changed(s, changed))
+            detail::factor_supernode<R>(f, p, s, blocks, panels, work, bad_pivots, [](int) {});
     return bad_pivots;
 }
 

@@ -14,11 +14,17 @@ struct Columns {
     double blocks;          ///< that are not zeros added by merging
 };
 
+/// Of one supernode: one thread factors it, and what it reads again and again fits a cache.
+constexpr int most_columns = 64;
+/// Size of a factor from which several threads pay.
+constexpr std::size_t scalars_worth_threads = 400'000;
+
 /// Blocks of a trapezoid of `columns` columns, the first of them `rows` high.
 double trapezoid(double columns, double rows) { return columns * rows - columns * (columns - 1) / 2; }
 
 /// Whether `later`, which follows `earlier` in the elimination, may take it in: all rows fit, and few zeros are added.
 bool worth_merging(const Columns& earlier, const Columns& later) {
+    if (earlier.count + later.count > most_columns) return false;
     if (int(earlier.rows.size()) == earlier.count) return false;
     const int parent = earlier.rows[std::size_t(earlier.count)];
     if (parent >= later.first + later.count) return false;
@@ -96,6 +102,7 @@ SupernodeFactor build_supernodes(const BlockPattern& p) {
             begin = end;
         }
     }
+    if (f.panel_scalars > scalars_worth_threads) f.workers = SupernodeFactor::most_workers;
     for (std::size_t t = 0; t < updates.size(); ++t) {
         f.supernodes[t].first_update = int(f.updates.size());
         f.supernodes[t].update_count = int(updates[t].size());

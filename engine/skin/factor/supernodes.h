@@ -42,7 +42,12 @@ struct SupernodeFactor {
     std::vector<std::size_t> block_offset;  ///< [block of the pattern] its place in the panels [scalars]
     std::size_t panel_scalars = 0;          ///< size of all panels
     std::size_t work_scalars = 0;           ///< size of the work memory of a factorisation or a solve
+    static constexpr int most_workers = 4;
+    int workers = 1;  ///< threads that it pays to factor it with (supernode_threads.h): one, where it is small
 };
+
+/// Size of the work memory of all threads that may factor it at once.
+inline std::size_t panel_work_scalars(const SupernodeFactor& f) { return std::size_t(f.workers) * f.work_scalars; }
 
 /// Supernodes of a factor. Where a few zeros more let two of them merge, they do.
 SupernodeFactor build_supernodes(const BlockPattern& pattern);

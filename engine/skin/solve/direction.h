@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "engine/skin/factor/supernode_cholesky.h"
+#include "engine/skin/factor/supernode_threads.h"
 #include "engine/skin/solve/kept_matrix.h"
 #include "engine/skin/solve/newton.h"
 
@@ -20,8 +20,12 @@ inline R factor_matrix(SkinChunk<ScalarOf<R>>& c) {
     mark_ancestors(t.pattern, changed.data());
     R bad_pivots;
     if constexpr (lane_width<R> == 1)
-        bad_pivots = factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(), c.scratch.panels.data(),
-                                          c.scratch.panel_work.data(), changed.data());
+        bad_pivots = c.threads
+                         ? factor_supernodes_together<R>(t.supernodes, t.pattern, c.scratch.blocks.data(),
+                                                         c.scratch.panels.data(), c.scratch.panel_work.data(),
+                                                         changed.data(), c.scratch.factored, *c.threads)
+                         : factor_supernodes<R>(t.supernodes, t.pattern, c.scratch.blocks.data(),
+                                                c.scratch.panels.data(), c.scratch.panel_work.data(), changed.data());
     else
         bad_pivots = factor_blocks<R>(t.pattern, c.scratch.blocks.data(), c.scratch.factor.data(), changed.data());
     std::fill(changed.begin(), changed.end(), 0);

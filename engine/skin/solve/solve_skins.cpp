@@ -51,6 +51,13 @@ bool solved_apart(const SkinChunks& chunks) {
     return alone && together && !moves_both;
 }
 
+void lend_threads(Threads& threads, SkinChunks& chunks) {
+    chunks.for_each([&](auto& c) {
+        const bool large = c.width == 1 && c.topology->supernodes.workers > 1;
+        c.threads = large && threads.count() > 1 ? &threads : nullptr;
+    });
+}
+
 double solve_skins(const SolverSettings& solver, const Table<Skin>& skins, Threads& threads, SkinChunks& chunks,
                    Table<Coupling>& couplings, Table<ContactSurface>& surfaces) {
     const int count = chunks.count();
