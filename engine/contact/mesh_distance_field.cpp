@@ -114,36 +114,25 @@ SampledField blend(const SampledField& a, const SampledField& b, const SampledFi
         a.hessian + w.value * (b.hessian - a.hessian) + outer(w.gradient, dg) + outer(dg, w.gradient) + d * w.hessian};
 }
 
-/// Near the surface, distance over the length of its gradient: smoothing makes that shorter than one at rims and thin
-/// walls, and a force along it would not be as large as its multiplier says. psi = phi (1 + w q): w falls from one at
-/// the surface to zero 1 / `per_band` away from it, q = 1 / sqrt(m) - 1 with m = |grad phi|^2, which short gradients do
-/// not let vanish. The normal is the gradient of psi, of length one where psi = 0.
-MeshPoint of_unit_slope(const SampledField& f, double per_band) {
-    const double u = f.value * per_band, within = std::max(1 - u * u, 0.0);
-    if (within == 0) return {f.value, f.gradient};
-    constexpr double least = least_gradient2;
-    const double s = dot(f.gradient, f.gradient);
-    const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
-    const double inverse = 1 / std::sqrt(m), q = inverse - 1, dq = -0.5 * dm * inverse * inverse * inverse;
-    const double w = within * within, dw = -4 * u * within * per_band;
-    return {f.value * (1 + w * q),
-            (1 + w * q + f.value * dw * q) * f.gradient + (2 * f.value * w * dq) * (f.hessian * f.gradient)};
+/// At walls that cells do not resolve.
+[[gnu::noinline]] SampledField walled_field(const DistanceMesh& mesh, const Vec& x, const Place& place,
+                                            unsigned char kind) {
+    auto share = [&](unsigned char mark) { return marked_field(mesh, place, mark); };
+    const int guess = mesh.grid.triangle[place.cell];
+    SampledField at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, guess);
+    if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
+        at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
+    if (kind & Fine::all_thin) return at;
+    return blend(spline_field(place.away, place.per_cell, coarse_cells(mesh, place)), at, share(Fine::thin));
 }
 
 MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x, const Place& place) {
     const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[place.cell];
     const double per_band = 2 * place.per_cell;
-    auto coarse = [&](double bent_within = HUGE_VAL) {
-        return spline_field(place.away, place.per_cell, coarse_cells(mesh, place), bent_within);
-    };
-    auto share = [&](unsigned char mark) { return marked_field(mesh, place, mark); };
-    if (!(kind & Fine::some_thin)) return of_unit_slope(coarse(1 / per_band), per_band);  // farther away it needs none
-    const int guess = mesh.grid.triangle[place.cell];
-    SampledField at = kind & Fine::all_thinnest ? exact_field(mesh, x, guess) : fine_field(mesh, x, guess);
-    if ((kind & Fine::some_thinnest) && !(kind & Fine::all_thinnest))
-        at = blend(at, exact_field(mesh, x, guess), share(Fine::thinnest));
-    if (!(kind & Fine::all_thin)) at = blend(coarse(), at, share(Fine::thin));
-    return of_unit_slope(at, per_band);
+    const SlopedField at = kind & Fine::some_thin
+                               ? of_unit_slope(walled_field(mesh, x, place, kind), per_band)
+                               : spline_of_unit_slope(place.away, place.per_cell, coarse_cells(mesh, place), per_band);
+    return {at.value, at.gradient};
 }
 
 void set_grid(DistanceMesh& mesh, double smoothing) {

@@ -1,5 +1,6 @@
 #include "engine/contact/mesh_spline.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -7,6 +8,8 @@
 #ifdef __x86_64__
 #include <immintrin.h>
 #endif
+
+#include "engine/contact/fitted.h"
 
 namespace palpate {
 
@@ -39,8 +42,8 @@ PALPATE_IN_BOTH Columns transposed(const Row& a, const Row& b, const Row& c, con
              __builtin_shufflevector(ab_even, cd_even, 2, 3, 6, 7)}};
 }
 
-/// rows[k][j]: of three cells along x.
-PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, double bent_within,
+/// rows[k][j]: of three cells along x. Second derivatives where |value| <= 1 / per_band, which may be 0.
+PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, double per_band,
                                 SampledField& f) {
     const Spline x = spline_at(away.x), y = spline_at(away.y), z = spline_at(away.z);
     constexpr std::array<double, 3> bend{1, -2, 1};
@@ -52,7 +55,7 @@ PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& awa
     const Row sum = weighted(c.of, x.weight), sloped = weighted(c.of, x.slope);
     f.value = sum[0];
     f.gradient = per_cell * Vec3<double>{sloped[0], sum[1], sum[2]};
-    if (!(std::abs(f.value) <= bent_within)) {
+    if (!(std::abs(f.value) * per_band <= 1)) {
         f.hessian = Mat3<double>::zero();
         return;
     }
@@ -75,16 +78,39 @@ PALPATE_IN_BOTH const float* row_of(const CellBlock& cells, int k, int j) {
     return cells.first + std::size_t(k) * cells.deep + std::size_t(j) * cells.up;
 }
 
+PALPATE_IN_BOTH SlopedField unit_slope(const SampledField& f, double per_band) {
+    const double u = f.value * per_band, within = std::max(1 - u * u, 0.0);
+    if (within == 0) return {f.value, f.gradient};
+    constexpr double least = fitted::least_gradient2;
+    const double s = dot(f.gradient, f.gradient);
+    const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
+    const double inverse = 1 / std::sqrt(m), q = inverse - 1, dq = -0.5 * dm * inverse * inverse * inverse;
+    const double w = within * within, dw = -4 * u * within * per_band;
+    return {f.value * (1 + w * q),
+            (1 + w * q + f.value * dw * q) * f.gradient + (2 * f.value * w * dq) * (f.hessian * f.gradient)};
+}
+
 #ifdef __x86_64__
 const bool has_avx2 = __builtin_cpu_supports("avx2");  // where it is asked before, not known: the bits are the same
 
 /// No product is fused here: bits are the same.
-[[gnu::target("avx2")]] void find_field_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
-                                             double bent_within, SampledField& f) {
+[[gnu::target("avx2"), gnu::always_inline]] inline void read_field_avx2(const CellBlock& cells,
+                                                                        const Vec3<double>& away, double per_cell,
+                                                                        double per_band, SampledField& f) {
     Row rows[3][3];
     for (int k = 0; k < 3; ++k)
         for (int j = 0; j < 3; ++j) rows[k][j] = Row(_mm256_cvtps_pd(_mm_loadu_ps(row_of(cells, k, j))));
-    find_field(rows, away, per_cell, bent_within, f);
+    find_field(rows, away, per_cell, per_band, f);
+}
+[[gnu::target("avx2")]] void find_field_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
+                                             double per_band, SampledField& f) {
+    read_field_avx2(cells, away, per_cell, per_band, f);
+}
+[[gnu::target("avx2")]] SlopedField unit_slope_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
+                                                    double per_band) {
+    SampledField f;
+    read_field_avx2(cells, away, per_cell, per_band, f);
+    return unit_slope(f, per_band);
 }
 #endif
 
@@ -100,7 +126,7 @@ SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const
             rows[k][j] = __builtin_convertvector(four, Row);
         }
     SampledField f;
-    find_field(rows, away, per_cell, bent_within, f);
+    find_field(rows, away, per_cell, 1 / bent_within, f);
     return f;
 }
 
@@ -108,11 +134,20 @@ SampledField spline_field(const Vec3<double>& away, double per_cell, const CellB
 #ifdef __x86_64__
     if (has_avx2) {
         SampledField f;
-        find_field_avx2(cells, away, per_cell, bent_within, f);
+        find_field_avx2(cells, away, per_cell, 1 / bent_within, f);
         return f;
     }
 #endif
     return plain_spline_field(away, per_cell, cells, bent_within);
+}
+
+SlopedField of_unit_slope(const SampledField& f, double per_band) { return unit_slope(f, per_band); }
+
+SlopedField spline_of_unit_slope(const Vec3<double>& away, double per_cell, const CellBlock& cells, double per_band) {
+#ifdef __x86_64__
+    if (has_avx2) return unit_slope_avx2(cells, away, per_cell, per_band);
+#endif
+    return unit_slope(plain_spline_field(away, per_cell, cells, 1 / per_band), per_band);
 }
 
 }  // namespace palpate

@@ -147,10 +147,6 @@ inline void factor_panel(const Supernode& s, ScalarOf<R>* panel, R& bad_pivots) 
     }
 }
 
-}  // namespace detail
-
-namespace detail {
-
 /// Whether a column of a supernode is marked.
 inline bool is_changed(const Supernode& s, const unsigned char* changed) {
     if (!changed) return true;

@@ -206,9 +206,10 @@ inline Evaluation<R> evaluate(SkinChunk<ScalarOf<R>>& c, const SolverSettings& s
     }
     for (int i : c.topology->unknowns) {
         const Vec3<R> g = load_vec3<R>(&c.scratch.gradient[3 * i * W]);
+        R squared = dot(g, g);
         // A torque counts as the force at the finger's extent: in newton metres it would hardly count at all.
-        const R arm = i == c.topology->bone_rotation ? out.extent : R(1);
-        out.residual += dot(g, g) / (arm * arm);
+        if (i == c.topology->bone_rotation) squared = squared / (out.extent * out.extent);
+        out.residual += squared;
     }
     if (c.limits.met) detail::add_pending_of_limits(c, out);
     return out;
