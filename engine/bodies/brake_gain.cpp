@@ -147,8 +147,13 @@ void add_support_of_objects(BodyWork& w) {
     }
 }
 
-/// Energy of an island's bodies: of motion before and after the step, what they were lifted by, and how much more than
-/// before they may have [J].
+/// Whether something has acted on it: what flies among those that touch has gained nothing.
+bool is_touched(const RigidBody& body) {
+    return dot(body.contact_force, body.contact_force) > 0 || dot(body.contact_torque, body.contact_torque) > 0;
+}
+
+/// Energy of an island's bodies that are touched: of motion before and after the step, what they were lifted by, and
+/// how much more than before they may have [J].
 struct IslandEnergy {
     double before = 0, after = 0, lift = 0, spare = 0;
 };
@@ -157,6 +162,7 @@ IslandEnergy energy_of(const BodyWork& w, const Island& island) {
     for (int row : island.bodies) {
         const RigidBody& body = w.bodies[std::size_t(row)];
         const BodyProgress& b = w.s.bodies[std::size_t(row)];
+        if (!is_touched(body)) continue;
         e.before += b.kinetic, e.after += kinetic_energy(body, b.pose.rotation);
         e.lift -= dot(b.weight, b.pose.position - b.start.position);
         e.spare += recovery(b) + uncertainty(body, b);
@@ -186,7 +192,7 @@ void brake_island(BodyWork& w, const Island& island) {
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[std::size_t(shape.body)];
         BodyProgress& b = w.s.bodies[std::size_t(shape.body)];
-        if (&w.s.islands[std::size_t(b.island)] != &island || body.asleep || body.reset) continue;
+        if (&w.s.islands[std::size_t(b.island)] != &island || body.asleep || body.reset || !is_touched(body)) continue;
         if (is_felt(w, body, (1 - speed_share) * body.velocity)) body.converged = false;
         body.velocity = speed_share * body.velocity;
         body.angular_momentum = speed_share * body.angular_momentum;

@@ -326,7 +326,8 @@ TEST(Stress, RandomScenesBreakNoLaw) {
 /// that reported 1e7 N (1293977); meshes that came out of overlaps, and stacks of them in long steps, with energy from
 /// nothing (5219360, 5222394, 5228885, 5237788; one that was stopped so had no speed at all: 5280961), and a corner
 /// behind skin that was not looked for once all stood still (5236593); and a finger that was turned harder than it may
-/// be, for what was left over of torques counted in newton metres as if they were newtons (5281170).
+/// be, for what was left over of torques counted in newton metres as if they were newtons (5281170),
+/// and a body that flew among others and was braked with them (1512623).
 TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
     const ScratchFolder folder;
     int number = 0;
@@ -334,7 +335,7 @@ TEST(Stress, RandomScenesThatOnceBrokeALawDoSoNoMore) {
          {"190",     "421",     "1093",    "1012206", "1012281", "1020712", "1030701", "1086042", "1087192",
           "1141479", "1146840", "1242751", "1293977", "1797610", "1800828", "1808176", "1822584", "1911384",
           "2023280", "2101443", "2102225", "2125733", "2401135", "2600058", "3000227", "3000308", "5219360",
-          "5222394", "5228885", "5236593", "5237788", "5280961", "5281170"}) {
+          "5222394", "5228885", "5236593", "5237788", "5280961", "5281170", "1512623"}) {
         if (!testing::is_tried(number++, 5)) continue;
         const Outcome o = palpate_program("stress --random 1 --no-shrink --seed " + std::string(seed) + " --out " +
                                           folder.path.string());
