@@ -147,9 +147,11 @@ void add_support_of_objects(BodyWork& w) {
     }
 }
 
-/// Whether something has acted on it: what flies among those that touch has gained nothing.
-bool is_touched(const RigidBody& body) {
-    return dot(body.contact_force, body.contact_force) > 0 || dot(body.contact_torque, body.contact_torque) > 0;
+/// Whether something has acted on it, beyond the rounding of what moves it: what flies among those that touch has
+/// gained nothing.
+bool is_touched(const RigidBody& body, const BodyProgress& b) {
+    const double rounding = fitted::rounded_share * (norm(b.weight) + body.mass * norm(body.acceleration));
+    return norm(body.contact_force) > rounding || norm(body.contact_torque) > rounding * body.size;
 }
 
 /// Energy of an island's bodies that are touched: of motion before and after the step, what they were lifted by, and
@@ -162,7 +164,7 @@ IslandEnergy energy_of(const BodyWork& w, const Island& island) {
     for (int row : island.bodies) {
         const RigidBody& body = w.bodies[std::size_t(row)];
         const BodyProgress& b = w.s.bodies[std::size_t(row)];
-        if (!is_touched(body)) continue;
+        if (!is_touched(body, b)) continue;
         e.before += b.kinetic, e.after += kinetic_energy(body, b.pose.rotation);
         e.lift -= dot(b.weight, b.pose.position - b.start.position);
         e.spare += recovery(b) + uncertainty(body, b);
@@ -192,7 +194,8 @@ void brake_island(BodyWork& w, const Island& island) {
         if (shape.body < 0) continue;
         RigidBody& body = w.bodies[std::size_t(shape.body)];
         BodyProgress& b = w.s.bodies[std::size_t(shape.body)];
-        if (&w.s.islands[std::size_t(b.island)] != &island || body.asleep || body.reset || !is_touched(body)) continue;
+        if (&w.s.islands[std::size_t(b.island)] != &island || body.asleep || body.reset || !is_touched(body, b))
+            continue;
         if (is_felt(w, body, (1 - speed_share) * body.velocity)) body.converged = false;
         body.velocity = speed_share * body.velocity;
         body.angular_momentum = speed_share * body.angular_momentum;

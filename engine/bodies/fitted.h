@@ -23,6 +23,8 @@ inline constexpr double deepest_under_load = 1e-4;
 /// Gaps are no better known than this (a mesh's smooth field is of floats: a box at rest on one took 200 iterations in
 /// every step) [m].
 inline constexpr double rounded_gap = 2e-10;
+/// A force on a body that is a smaller share of what moves it is the rounding of a difference of velocities.
+inline constexpr double rounded_share = 1e-9;
 /// Solves that end early leave some hundredths of a millimetre of overlap; what is deeper was there before, and is
 /// undone until it is shallower than the second [m], or than this share of what a step undoes: what is left goes at
 /// once, which is a speed.
