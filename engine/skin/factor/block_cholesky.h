@@ -139,14 +139,15 @@ inline Vec3<R> transposed_times_unfused(const Mat3<R>& A, const Vec3<R>& v) {
 
 }  // namespace detail
 
-/// Solves L y = b in place; b is [column][xyz][lane] in elimination order.
+/// Solves L y = b in place; b is [column][xyz][lane] in elimination order. Rows that are still zero are passed over.
 template <class R>
 inline void solve_blocks_forward(const BlockPattern& p, const ScalarOf<R>* factor, ScalarOf<R>* b) {
     constexpr int W3 = 3 * lane_width<R>, W9 = 9 * lane_width<R>;
     auto block = [&](int k) { return load_mat3<R>(factor + static_cast<std::size_t>(k) * W9); };
     for (int j = 0; j < p.columns; ++j) {
-        const Mat3<R> L = block(p.column_start[j]);
         Vec3<R> y = load_vec3<R>(b + j * W3);
+        if (all((absolute(y.x) <= R(0)) & (absolute(y.y) <= R(0)) & (absolute(y.z) <= R(0)))) continue;
+        const Mat3<R> L = block(p.column_start[j]);
         detail::solve_lower(L, y);
         store_vec3<R>(b + j * W3, y);
         for (int k = p.column_start[j] + 1; k < p.column_start[j + 1]; ++k) {

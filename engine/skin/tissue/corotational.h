@@ -77,7 +77,8 @@ inline void finish_corotated(Corotated<Q>& s, const Mat3<Q>& rotation) {
 /// Turns back up to rotations_at_once groups of elements.
 template <class R, class Q, class Group>
 inline void corotate(const SkinChunk<ScalarOf<R>>& c, int count, Group group, Corotated<Q>* out) {
-    Mat3<Q> F[rotations_at_once] = {}, rotation[rotations_at_once];
+    Mat3<Q> F[rotations_at_once], rotation[rotations_at_once];
+    for (Mat3<Q>& f : F) f = Mat3<Q>::identity();  // zeros are cleared as memory, which waits
     for (int n = 0; n < count; ++n) {
         const ElementGroup<R, Q> elements = group(n);
         Corotated<Q>& s = out[n];
