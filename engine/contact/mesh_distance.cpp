@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <numeric>
 
@@ -153,6 +154,18 @@ void set_corners(DistanceMesh& mesh) {
 
 }  // namespace
 
+namespace {
+
+/// What a node knows of its four children.
+using Four = float __attribute__((vector_size(16)));
+Four load_four(const float* p) {
+    Four four;
+    std::memcpy(&four, p, sizeof four);
+    return four;
+}
+
+}  // namespace
+
 Found nearest_triangle(const DistanceMesh& mesh, const Vec& x, int guess) {
     struct Entry {
         float distance2;
@@ -178,17 +191,19 @@ Found nearest_triangle(const DistanceMesh& mesh, const Vec& x, int guess) {
             continue;
         }
         const DistanceMesh::Node& node = mesh.nodes[entry.child];
-        std::array<float, 4> d2{};
-        for (int d = 0; d < 3; ++d)
-            for (int c = 0; c < 4; ++c) {
-                const float out = std::max(std::max(node.low[d][c] - p[d], p[d] - node.high[d][c]), 0.0f);
-                d2[c] += out * out;
-            }
+        Four d2{};
+        for (int d = 0; d < 3; ++d) {
+            const Four below = load_four(node.low[d].data()) - p[d], above = p[d] - load_four(node.high[d].data());
+            Four out = below > above ? below : above;
+            out = out > 0 ? out : Four{};
+            d2 += out * out;
+        }
+        d2 *= 0.9999f;
         // Nearest last, so that it is taken first. Boxes are rounded outward, but x is rounded, too.
         const float bound = best < 1e30 ? float(best) * 1.00001f : 1e30f;
         const int base = top;
         for (int c = 0; c < 4; ++c) {
-            const float d = d2[c] * 0.9999f;
+            const float d = d2[c];
             if (d > bound) continue;
             int at = top++;
             for (; at > base && stack[at - 1].distance2 < d; --at) stack[at] = stack[at - 1];
