@@ -174,8 +174,8 @@ TEST(Indentation, OfAPresetChangesLittleWithItsMesh) {
                     << displacement;
             }
             for (const double displacement : displacements) {
-                const double force = field_at_displacement(curves[angle], displacement, &IndentationPoint::force);
-                EXPECT_NEAR(field_at_displacement(curves[2 + angle], displacement, &IndentationPoint::force), force,
+                const double force = field_at_displacement(curves[2 + angle], displacement, &IndentationPoint::force);
+                EXPECT_NEAR(field_at_displacement(curves[angle], displacement, &IndentationPoint::force), force,
                             0.08 * force)
                     << displacement;
             }
