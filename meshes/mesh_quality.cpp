@@ -51,18 +51,24 @@ double median(std::vector<double>& values) {
 
 }  // namespace
 
-MeshQuality measure_quality(const TetMesh& mesh) {
+MeshQuality measure_quality(const TetMesh& mesh, bool fixed_too) {
     MeshQuality q;
     if (mesh.tets.empty()) return q;
+    std::vector<char> in_bone(mesh.nodes.size(), 0);
+    for (const int i : mesh.bone_nodes) in_bone[std::size_t(i)] = 1;
     std::vector<double> dihedral, ratio;
     double smallest = 1e300;
     for (const auto& t : mesh.tets) {
+        q.volume += tet_volume(mesh, t);
+        const bool fixed = std::all_of(t.begin(), t.end(), [&](int i) { return in_bone[std::size_t(i)] != 0; });
+        q.fixed += fixed;
+        if (fixed && !fixed_too) continue;
         const auto [angle, radius] = element_quality(mesh, t);
         dihedral.push_back(angle);
         ratio.push_back(radius);
-        q.volume += tet_volume(mesh, t);
         smallest = std::min(smallest, tet_volume(mesh, t));
     }
+    if (dihedral.empty()) return q;
     q.worst_dihedral_deg = *std::min_element(dihedral.begin(), dihedral.end());
     q.worst_radius_ratio = *std::min_element(ratio.begin(), ratio.end());
     q.median_dihedral_deg = median(dihedral);

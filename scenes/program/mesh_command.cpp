@@ -94,7 +94,7 @@ int make_mesh(const MeshArguments& a) {
     FingerTemplates templates;
     std::string note;
     const TetMesh mesh = make_finger_mesh(request, templates, note);
-    const MeshQuality q = measure_quality(mesh);
+    const MeshQuality q = measure_quality(mesh, false);
     if (!a.out.empty()) {
         std::vector<double> region(mesh.nodes.size(), 0);
         for (int i : mesh.bone_nodes) region[i] = 1;
@@ -104,6 +104,7 @@ int make_mesh(const MeshArguments& a) {
     if (a.json) {
         const nlohmann::json j{{"note", note},
                                {"elements", mesh.tets.size()},
+                               {"fixed_elements", q.fixed},
                                {"nodes", mesh.nodes.size()},
                                {"volume_mm3", 1e9 * q.volume},
                                {"surface_volume_mm3", 1e9 * surface_volume},
@@ -117,12 +118,19 @@ int make_mesh(const MeshArguments& a) {
         return 0;
     }
     std::printf("%s\n", note.c_str());
-    std::printf("elements          %zu (%d wanted)\nnodes             %zu, of which %zu pad, %zu bone\n",
-                mesh.tets.size(), a.elements, mesh.nodes.size(), mesh.pad_nodes.size(), mesh.bone_nodes.size());
-    std::printf("volume            %.2f mm3 (surface %.2f mm3, %+.3f %%)\n", 1e9 * q.volume, 1e9 * surface_volume,
-                100 * (q.volume / surface_volume - 1));
     std::printf(
-        "smallest dihedral worst %.1f, median %.1f degrees\nradius ratio      worst %.2f, median %.2f (1 = regular)\n",
+        "elements          %zu (%d wanted), of which %d lie in the bone and do not deform\nnodes             %zu, of "
+        "which %zu pad, %zu bone\n",
+        mesh.tets.size(), a.elements, q.fixed, mesh.nodes.size(), mesh.pad_nodes.size(), mesh.bone_nodes.size());
+    const double less = 100 * (1 - q.volume / surface_volume);
+    std::printf("volume            %.2f mm3 (of the surface's %.2f mm3, ", 1e9 * q.volume, 1e9 * surface_volume);
+    if (less < 1)
+        std::printf("%+.3f %%)\n", -less);
+    else
+        std::printf("phalanx and chords take %.1f %%)\n", less);
+    std::printf(
+        "smallest dihedral worst %.1f, median %.1f degrees, of those that deform\n"
+        "radius ratio      worst %.2f, median %.2f (1 = regular)\n",
         q.worst_dihedral_deg, q.median_dihedral_deg, q.worst_radius_ratio, q.median_radius_ratio);
     if (!a.out.empty()) std::printf("written           %s (field region: 0 inside, 1 bone, 2 pad)\n", a.out.c_str());
     return 0;

@@ -12,7 +12,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 for scene in press edge ball soft_ball roll hand pinch egg pen hold_ball hold_mug two_hands; do
     for detail in full auto; do
-        build/release/palpate run "scenes/$scene.toml" --quiet --out "$folder/out" --set "solver.detail=$detail" \
+        build/release/palpate run "scenes/$scene.toml" --quiet --out "$folder/out" --set "solver.level_of_detail=$detail" \
             --record "$folder/$scene.palpate"
         printf '%s, detail %s: ' "$scene" "$detail"
         build/clang/palpate replay "$folder/$scene.palpate"

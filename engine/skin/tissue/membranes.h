@@ -214,12 +214,12 @@ inline void begin_batch(const SkinChunk<ScalarOf<R>>& c, std::size_t first, std:
                         Evaluation<R>& out) {
     using T = ScalarOf<R>;
     using Q = RegisterOf<R>;
-    constexpr int step = b.step;
+    constexpr int step = MembraneBatch<R>::step, most = MembraneBatch<R>::most;
     const SkinTopology& t = *c.topology;
     const auto& patches = t.membrane_patches;
     b.begin = patches[first].first, b.count = patches[last - 1].first + patches[last - 1].count - b.begin;
     b.registers = (b.count + step - 1) / step;
-    alignas(64) std::array<T, b.most> bulk, strain[3];  // of elements
+    alignas(64) std::array<T, most> bulk, strain[3];  // of elements
     for (int n = 0; n < b.registers; ++n) {
         const MembraneElements<R, Q> elements(t, b.begin + n * step, std::min(step, b.count - n * step));
         auto position = [&](int a) { return elements.load_corner(c.state.position, t, a); };
