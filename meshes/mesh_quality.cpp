@@ -55,7 +55,8 @@ MeshQuality measure_quality(const TetMesh& mesh, bool fixed_too) {
     MeshQuality q;
     if (mesh.tets.empty()) return q;
     std::vector<char> in_bone(mesh.nodes.size(), 0);
-    for (const int i : mesh.bone_nodes) in_bone[std::size_t(i)] = 1;
+    for (const int i : mesh.bone_nodes)
+        if (std::size_t(i) < in_bone.size()) in_bone[std::size_t(i)] = 1;  // a list that is wrong is refused elsewhere
     std::vector<double> dihedral, ratio;
     double smallest = 1e300;
     for (const auto& t : mesh.tets) {
