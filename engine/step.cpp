@@ -37,7 +37,8 @@ double solve(World& w, Threads& threads) {
         timed(p.solve_bodies, bodies);
         return read;
     }
-    // The caller begins at once with what took longer in the last step; another thread has to be woken for the other.
+    // The caller begins at once with what took longer in the last step (solve_bodies: what bodies took beyond the
+    // fingers' time), while another thread is woken for the other. It makes no difference to either.
     const bool bodies_first = p.solve_bodies > 0.25 * p.solve_skin;
     timed(p.solve_bodies, [&] { threads.for_each(2, [&](int k) { (k == 0) == bodies_first ? bodies() : skins(); }); });
     p.solve_bodies = std::max(0.0, p.solve_bodies - p.solve_skin);

@@ -324,14 +324,18 @@ void throw_unwritable(const fs::path& path, int error) {
 }
 
 void write_file(const fs::path& path, const std::string& text) {
-    const fs::path temporary = path.string() + ".part";
-    std::FILE* file = std::fopen(temporary.c_str(), "wb");
+    // What is no plain file, such as a device or a pipe, and what a link leads to, is written to: never replaced.
+    std::error_code none;
+    const fs::file_status there = fs::symlink_status(path, none);
+    const bool replaces = !fs::exists(there) || fs::is_regular_file(there);
+    const fs::path written = replaces ? fs::path(path.string() + ".part") : path;
+    std::FILE* file = std::fopen(written.c_str(), "wb");
     if (!file) throw_unwritable(path, errno);
     int error = std::fwrite(text.data(), 1, text.size(), file) == text.size() ? 0 : errno;
     if (std::fclose(file) != 0 && error == 0) error = errno;
-    if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
+    if (replaces && error == 0 && std::rename(written.c_str(), path.c_str()) != 0) error = errno;
     if (error == 0) return;
-    std::remove(temporary.c_str());
+    if (replaces) std::remove(written.c_str());
     throw_unwritable(path, error);
 }
 

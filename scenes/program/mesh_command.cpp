@@ -122,12 +122,11 @@ int make_mesh(const MeshArguments& a) {
         "elements          %zu (%d wanted), of which %d lie in the bone and do not deform\nnodes             %zu, of "
         "which %zu pad, %zu bone\n",
         mesh.tets.size(), a.elements, q.fixed, mesh.nodes.size(), mesh.pad_nodes.size(), mesh.bone_nodes.size());
-    const double less = 100 * (1 - q.volume / surface_volume);
-    std::printf("volume            %.2f mm3 (of the surface's %.2f mm3, ", 1e9 * q.volume, 1e9 * surface_volume);
-    if (less < 1)
-        std::printf("%+.3f %%)\n", -less);
-    else
-        std::printf("phalanx and chords take %.1f %%)\n", less);
+    const double change = 100 * (q.volume / surface_volume - 1);
+    std::printf(
+        "volume            %.2f mm3 (surface %.2f mm3, %+.3f %%%s)\n", 1e9 * q.volume, 1e9 * surface_volume, change,
+        request.kind == FingerMeshRequest::Kind::conforming ? ": the phalanx is left out, and what chords cut off"
+                                                            : "");
     std::printf(
         "smallest dihedral worst %.1f, median %.1f degrees, of those that deform\n"
         "radius ratio      worst %.2f, median %.2f (1 = regular)\n",

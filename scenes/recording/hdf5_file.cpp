@@ -88,6 +88,10 @@ void write_tables(const std::filesystem::path& path, const std::map<std::string,
 
 void write_hdf5(const std::filesystem::path& path, const std::map<std::string, Series>& tables,
                 const std::map<std::string, std::string>& notes) {
+    std::error_code none;
+    if (const auto there = std::filesystem::symlink_status(path, none);
+        std::filesystem::exists(there) && !std::filesystem::is_regular_file(there))
+        throw std::runtime_error(path.string() + ": is no plain file; tables in HDF5 are written to no other");
     const std::filesystem::path part = path.string() + ".part";
     write_file(part, "");  // says why, where there can be no file
     try {

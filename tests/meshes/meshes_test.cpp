@@ -291,6 +291,23 @@ TEST(TetFiles, VtuRoundTrip) {
     EXPECT_THROW(write_vtu(scratch.path / "no" / "such.vtu", mesh, {}, {}), InputError);
 }
 
+TEST(TetFiles, WhatIsNoPlainFileIsWrittenToAndNotReplaced) {
+    namespace fs = std::filesystem;
+    const ScratchFolder scratch;
+    const fs::path file = scratch.path / "file", link = scratch.path / "link", full = scratch.path / "full";
+    std::ofstream(file) << "before";
+    fs::create_symlink(file, link);
+    write_file(link, "now");
+    EXPECT_TRUE(fs::is_symlink(link));
+    std::string text;
+    std::ifstream(file) >> text;
+    EXPECT_EQ(text, "now");
+    // A device by its link, so that nothing but the link could be lost.
+    fs::create_symlink("/dev/full", full);
+    EXPECT_THROW(write_file(full, "lost"), std::runtime_error);
+    EXPECT_TRUE(fs::is_symlink(full));
+}
+
 TEST(TetFiles, TetgenAndGmsh) {
     ScratchFolder scratch;
     auto write = [&](const char* name, const std::string& text) {
