@@ -93,9 +93,11 @@ struct Stream::Work {
     StreamNames names;
     static constexpr std::uint64_t ring = 64;
     std::array<StreamNumbers, ring> steps;
+    StreamNumbers late;  ///< of the step: the newest that the ring had no room for, sent if it stays the last
+    bool has_late = false;
     std::atomic<std::uint64_t> written{0}, taken{0};  ///< steps ever put in, and taken out
     std::atomic<bool> ending{false}, samples{false}, paused{false}, cut{false}, came{false};
-    std::atomic<std::int64_t> told{0}, sent{0}, left_out{0}, commands{0}, wrong{0};
+    std::atomic<std::int64_t> told{0}, sent{0}, left_out{0}, missed{0}, commands{0}, wrong{0};
     std::atomic<int> error{0};
     double next = 0;  ///< simulated time of the next line [s]
     std::mutex lock;  ///< of the commanded poses; the step does not wait for it
@@ -111,13 +113,22 @@ struct Stream::Work {
         end();
         if (socket >= 0) close(socket);
     }
+    bool full() const { return written - taken.load(std::memory_order_acquire) >= ring; }
+    void put_late() {
+        while (full() && Clock::now() < last_chance) std::this_thread::sleep_for(std::chrono::microseconds(300));
+        if (full()) return;
+        std::swap(steps[written % ring], late);
+        --left_out, has_late = false, ++written;
+    }
     void end() {
+        if (has_late && !ending) put_late();
         ending = true;
         if (sender.joinable()) sender.join();
         if (web) {
             web->drop_clients();
             while (web->clients() > 0 && Clock::now() < last_chance)
                 std::this_thread::sleep_for(std::chrono::milliseconds(2));
+            missed = web->missed();
             web.reset();
         }
         if (receiver.joinable()) receiver.join();
@@ -181,6 +192,7 @@ struct Stream::Work {
         };
         WebLimits limits;
         limits.skip_bytes = 256 << 10;
+        limits.kernel_bytes = 128 << 10;
         try {
             web = std::make_unique<WebServer>(websocket_port(settings.target), settings.any_address,
                                               std::move(handlers), limits);
@@ -267,6 +279,7 @@ std::string to_text(const StreamCounts& c) {
     if (c.commands + c.wrong_commands > 0)
         text += "; " + std::to_string(c.commands) + " commands, " + std::to_string(c.wrong_commands) +
                 " that could not be read";
+    if (c.missed > 0) text += "; " + std::to_string(c.missed) + " missed by readers that were behind";
     return text + (c.cut ? "; whoever read it has gone" : "");
 }
 
@@ -289,7 +302,7 @@ Stream::Stream(const StreamSettings& settings) : work_(std::make_unique<Work>())
 Stream::~Stream() { end(); }
 
 StreamCounts Stream::end() {
-    if (!work_->ending) work_->last_chance = Clock::now() + std::chrono::milliseconds(500);
+    if (!work_->ending) work_->last_chance = Clock::now() + std::chrono::milliseconds(work_->web ? 5000 : 500);
     work_->end();
     return counts();
 }
@@ -307,15 +320,15 @@ void Stream::tell(const Simulation& s) {
     }
     w.told.fetch_add(1, std::memory_order_relaxed);
     const std::uint64_t at = w.written.load(std::memory_order_relaxed);
+    const bool full = w.full();
     const bool other_scene = w.names.fingers.size() != s.fingers.size() ||
                              w.names.objects.size() != s.world.shapes.size() ||
                              w.names.kinds.size() != s.world.matchings.size();
-    if (other_scene || at - w.taken.load(std::memory_order_acquire) >= Work::ring) {
-        w.left_out.fetch_add(1, std::memory_order_relaxed);
-        return;
-    }
-    take_numbers(s, w.names, w.samples, w.steps[at % Work::ring]);
-    w.written.store(at + 1, std::memory_order_release);
+    if (other_scene || full) w.left_out.fetch_add(1, std::memory_order_relaxed);
+    if (other_scene) return;
+    w.has_late = full;
+    take_numbers(s, w.names, w.samples, full ? w.late : w.steps[at % Work::ring]);
+    if (!full) w.written.store(at + 1, std::memory_order_release);
 }
 
 void Stream::command(const Simulation& s, StepInputs& inputs) {
@@ -358,7 +371,7 @@ bool Stream::paused() const {
 
 StreamCounts Stream::counts() const {
     const Work& w = *work_;
-    return {w.told, w.sent, w.left_out, w.commands, w.wrong, w.cut, w.error};
+    return {w.told, w.sent, w.left_out, w.missed, w.commands, w.wrong, w.cut, w.error};
 }
 
 }  // namespace palpate

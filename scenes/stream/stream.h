@@ -2,7 +2,7 @@
 // What fingers feel, told to other programs while a scene runs, and poses from them: a line of JSON a step
 // (stream_message.h), to standard output, as datagrams of UDP, or as messages of WebSockets, whose answers are
 // commands. The step hands numbers over and goes on; a thread of its own writes and sends them. Where that, or whoever
-// reads, is slower than the steps, steps are left out, the oldest first.
+// reads, is slower than the steps, steps are left out, but never the last one.
 
 #include <cstdint>
 #include <memory>
@@ -17,6 +17,7 @@ struct StreamCounts {
     std::int64_t told = 0;      ///< steps
     std::int64_t sent = 0;      ///< lines
     std::int64_t left_out = 0;  ///< steps, because writing took longer
+    std::int64_t missed = 0;    ///< lines that WebSockets did not get, because they read too slowly
     std::int64_t commands = 0, wrong_commands = 0;
     bool cut = false;  ///< whoever reads standard output has gone, or it cannot be written
     int error = 0;     ///< of the latter, errno
@@ -45,7 +46,8 @@ class Stream {
     /// Whether somebody has asked to pause, or the first reader is awaited.
     bool paused() const;
     StreamCounts counts() const;
-    /// Sends what is waiting, for half a second at most. Nothing is told afterwards.
+    /// Sends what is waiting, for half a second at most, or for five to WebSockets that go on reading. Nothing is told
+    /// afterwards.
     StreamCounts end();
 
   private:

@@ -35,9 +35,11 @@ struct Connection {
     Bytes out;
     std::size_t sent = 0;  ///< of out
     std::int64_t frame = 0;
+    std::string held;     ///< the newest text that it had no room for
     bool ending = false;  ///< once everything is sent
     bool closed = false;
     bool drained() const { return sent == out.size(); }
+    std::size_t waiting() const { return out.size() - sent; }
 };
 
 int listen_on(int port, bool any_address, int& taken) {
@@ -80,6 +82,7 @@ struct WebServer::State {
     Bytes current;                        ///< its own, too: the newest frame
     std::int64_t current_number = 0;
     std::atomic<int> sockets{0};
+    std::atomic<std::int64_t> missed{0};
 
     std::mutex mutex;  ///< guards what follows
     std::vector<std::string> texts;
@@ -100,6 +103,8 @@ struct WebServer::State {
     void answer(Connection& c, const WebReply& reply);
     bool upgrade(Connection& c, const HttpHead& head);
     void take_messages(Connection& c);
+    void send_held(Connection& c);
+    void give(Connection& c, const std::string& text);
     void hand_out();
     void flush(Connection& c);
     void close_overdue();
@@ -124,12 +129,15 @@ void WebServer::State::accept_all() {
         if (fd < 0) return;
         make_room();
         keep_alive(fd);
+        if (limits.kernel_bytes > 0)
+            setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &limits.kernel_bytes, sizeof limits.kernel_bytes);
         Connection c{.fd = fd,
                      .peer = {++last_id, ntohl(from.sin_addr.s_addr) >> 24 == 127},
                      .deadline = Clock::now() + seconds(limits.request_s),
                      .head = {},
                      .reader = MessageReader(limits.message_bytes, true),
-                     .out = {}};
+                     .out = {},
+                     .held = {}};
         connections.push_back(std::move(c));
     }
 }
@@ -222,6 +230,22 @@ void WebServer::State::take_messages(Connection& c) {
     append_message(c.out, Opcode::close, reason);
 }
 
+void WebServer::State::send_held(Connection& c) {
+    if (c.held.empty()) return;
+    append_message(c.out, Opcode::text, bytes_of(c.held));
+    c.held.clear();
+}
+
+/// One who is behind misses texts, but has the last of them in the end.
+void WebServer::State::give(Connection& c, const std::string& text) {
+    if (c.waiting() <= limits.skip_bytes) {
+        send_held(c);
+        return append_message(c.out, Opcode::text, bytes_of(text));
+    }
+    missed += !c.held.empty();
+    c.held = text;
+}
+
 /// Texts and the newest frame, to those who may have them.
 void WebServer::State::hand_out() {
     std::vector<std::string> fresh;
@@ -236,15 +260,20 @@ void WebServer::State::hand_out() {
     for (Connection& c : connections) {
         if (c.phase != Connection::Phase::socket || c.ending) continue;
         const bool was_drained = c.drained();
-        for (const std::string& text : fresh)
-            if (c.out.size() - c.sent <= limits.skip_bytes) append_message(c.out, Opcode::text, bytes_of(text));
-        if (last_word) append_message(c.out, Opcode::close, {}), c.ending = true;
-        if (c.out.size() - c.sent > limits.waiting_bytes + current.size()) c.closed = true;
+        if (c.waiting() <= limits.skip_bytes) send_held(c);
+        for (const std::string& text : fresh) give(c, text);
+        if (last_word) {
+            send_held(c);
+            append_message(c.out, Opcode::close, {});
+            c.ending = true;
+            c.deadline = Clock::now() + seconds(limits.farewell_s);
+        }
+        if (c.waiting() > limits.waiting_bytes + current.size()) c.closed = true;
         if (was_drained && c.frame != current_number) {
             append_message(c.out, Opcode::binary, current);
             c.frame = current_number;
         }
-        if (was_drained && !c.drained()) c.deadline = Clock::now() + seconds(limits.response_s);
+        if (was_drained && !c.drained() && !c.ending) c.deadline = Clock::now() + seconds(limits.response_s);
     }
 }
 
@@ -254,11 +283,12 @@ void WebServer::State::flush(Connection& c) {
         c.sent = 0;
     }
     while (!c.drained()) {
-        const ssize_t n = ::send(c.fd, c.out.data() + c.sent, c.out.size() - c.sent, MSG_NOSIGNAL);
+        const ssize_t n = ::send(c.fd, c.out.data() + c.sent, c.waiting(), MSG_NOSIGNAL);
         if (n < 0 && errno != EAGAIN && errno != EINTR) c.closed = true;
         if (n <= 0) return;
         c.sent += std::size_t(n);
-        if (c.phase == Connection::Phase::socket) c.deadline = Clock::now() + seconds(limits.response_s);
+        if (c.phase == Connection::Phase::socket)
+            c.deadline = Clock::now() + seconds(c.ending ? limits.farewell_s : limits.response_s);
     }
     c.out.clear(), c.sent = 0;
     if (c.ending) c.closed = true;
@@ -328,6 +358,7 @@ WebServer::~WebServer() {
 
 int WebServer::port() const { return state_->port; }
 int WebServer::clients() const { return state_->sockets; }
+std::int64_t WebServer::missed() const { return state_->missed; }
 
 void WebServer::send_text(const std::string& text) {
     {

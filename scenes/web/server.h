@@ -16,9 +16,11 @@ struct WebLimits {
     std::size_t request_bytes = 8192;          ///< of a request's head
     std::size_t message_bytes = 65536;         ///< of a message from a client; a longer one ends its connection
     std::size_t waiting_bytes = 4 << 20;       ///< of texts for a client that does not read; more end its connection
-    std::size_t skip_bytes = std::size_t(-1);  ///< of texts that wait: a client that is behind by more gets no new ones
+    std::size_t skip_bytes = std::size_t(-1);  ///< of texts that wait: a client that is behind by more misses new ones
+    int kernel_bytes = 0;                      ///< of what the system holds for a slow reader beside; 0: as it likes
     double request_s = 2;                      ///< from connecting to the end of the request
     double response_s = 30;                    ///< for the page; and for a client that does not read to read something
+    double farewell_s = 1;                     ///< the latter, once its connection ends
 };
 
 /// Where a WebSocket's messages come from.
@@ -49,12 +51,14 @@ class WebServer {
     int port() const;
     /// WebSockets now.
     int clients() const;
-    /// To every client, in order; those who are behind miss some (skip_bytes).
+    /// To every client, in order; those who are behind miss some (skip_bytes), but never the last one.
     void send_text(const std::string& text);
+    /// Texts that clients missed.
+    std::int64_t missed() const;
     /// To every client that has read what it was sent before; others get the newest once they have. Takes the bytes,
     /// and gives back other memory.
     void send_newest(Bytes& binary);
-    /// Ends all connections.
+    /// Ends all connections, once what waits for them is sent.
     void drop_clients();
 
   private:

@@ -240,6 +240,18 @@ track = [ { t_s = 0, position_mm = [60, 0, 20] }, { t_s = 0.04, position_mm = [6
         self.assertEqual(0, ran.wait(timeout=60))
         self.assertEqual(3000, len(rows_of(self.folder)))
 
+    def test_websockets_that_read_slowly_miss_lines_but_not_the_last(self):
+        ran, address = self.websocket_run("--stream-samples", duration="3")
+        s = WebSocket(address)
+        steps = []
+        while line := s.read():
+            steps.append(line["step"])
+            time.sleep(0.01 if len(steps) < 300 else 0)
+        self.assertEqual(0, ran.wait(timeout=60))
+        self.assertEqual(sorted(set(steps)), steps)
+        self.assertEqual(3000, steps[-1])
+        self.assertLess(len(steps), 3000)
+
     def test_a_view_takes_settings_over_a_websocket(self):
         view, address = self.websocket_run(program=[PROGRAM, "view", str(ROOT / "scenes/press.toml"), "--port", "0", "--stream",
                                                     "websocket:0", "--stream-rate", "100"])  # fmt: skip
