@@ -41,14 +41,14 @@ std::size_t coarse_cell(const DistanceMesh& mesh, const Vec& x, Vec& away) {
     return index_of(cell_of(x, mesh.grid_low, mesh.cell, mesh.cells, away), mesh.cells);
 }
 
-/// Where the smooth field is asked for.
+/// Where the smooth field is asked for. Found and used in one go: contact asks for every sample of a pad.
 struct Place {
     std::size_t cell;  ///< of the coarse grid
     Vec away;          ///< from its centre [cells]
     double per_cell;   ///< one over its edge [1/m]
 };
 /// False where the field's 3x3x3 cells around x are not all there.
-bool find_place(const DistanceMesh& mesh, const Vec& x, Place& place) {
+[[gnu::always_inline]] inline bool find_place(const DistanceMesh& mesh, const Vec& x, Place& place) {
     place.per_cell = mesh.per_cell;
     const Vec relative = place.per_cell * (x - mesh.grid_low);
     std::array<int, 3> at;
@@ -126,13 +126,26 @@ SampledField blend(const SampledField& a, const SampledField& b, const SampledFi
     return blend(spline_field(place.away, place.per_cell, coarse_cells(mesh, place)), at, share(Fine::thin));
 }
 
-MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x, const Place& place) {
+[[gnu::always_inline]] inline MeshPoint smooth_point(const DistanceMesh& mesh, const Vec& x, const Place& place) {
     const unsigned char kind = mesh.fine.wall.empty() ? 0 : mesh.fine.wall[place.cell];
     const double per_band = 2 * place.per_cell;
     const SlopedField at = kind & Fine::some_thin
                                ? of_unit_slope(walled_field(mesh, x, place, kind), per_band)
                                : spline_of_unit_slope(place.away, place.per_cell, coarse_cells(mesh, place), per_band);
     return {at.value, at.gradient};
+}
+
+/// Where no smooth field is.
+[[gnu::noinline]] MeshPoint exact_contact_distance(const DistanceMesh& mesh, const Vec& x) {
+    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
+    Vec away;
+    const std::size_t cell = coarse_cell(mesh, x, away);
+    const double least = mesh.grid.distance[cell] - mesh.cell * norm(away) - 1e-6;
+    if (least > contact_band) {
+        const double length = norm(away);
+        return {least, length > 0 ? (1 / length) * away : Vec{0, 0, 1}};
+    }
+    return signed_point(mesh, nearest_triangle(mesh, x, mesh.grid.triangle[cell]));
 }
 
 void set_grid(DistanceMesh& mesh, double smoothing) {
@@ -288,16 +301,8 @@ MeshPoint mesh_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
 }
 
 MeshPoint mesh_contact_distance(const DistanceMesh& mesh, const Vec3<double>& x) {
-    if (!(dot(x, x) < 1e12)) return {1e6, {0, 0, 1}};
     if (Place place; mesh.smooth && find_place(mesh, x, place)) return smooth_point(mesh, x, place);
-    Vec away;
-    const std::size_t cell = coarse_cell(mesh, x, away);
-    const double least = mesh.grid.distance[cell] - mesh.cell * norm(away) - 1e-6;
-    if (least > contact_band) {
-        const double length = norm(away);
-        return {least, length > 0 ? (1 / length) * away : Vec{0, 0, 1}};
-    }
-    return signed_point(mesh, nearest_triangle(mesh, x, mesh.grid.triangle[cell]));
+    return exact_contact_distance(mesh, x);
 }
 
 MeshPoint mesh_surface_distance(const DistanceMesh& mesh, const Vec3<double>& x) {

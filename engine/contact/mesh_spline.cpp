@@ -42,8 +42,9 @@ PALPATE_IN_BOTH Columns transposed(const Row& a, const Row& b, const Row& c, con
              __builtin_shufflevector(ab_even, cd_even, 2, 3, 6, 7)}};
 }
 
-/// rows[k][j]: of three cells along x. Second derivatives where |value| <= 1 / per_band, which may be 0.
-PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, double per_band,
+/// rows[k][j]: of three cells along x. False, and without second derivatives, where |value| > 1 / per_band, which may
+/// be 0.
+PALPATE_IN_BOTH bool find_field(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell, double per_band,
                                 SampledField& f) {
     const Spline x = spline_at(away.x), y = spline_at(away.y), z = spline_at(away.z);
     constexpr std::array<double, 3> bend{1, -2, 1};
@@ -55,10 +56,7 @@ PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& awa
     const Row sum = weighted(c.of, x.weight), sloped = weighted(c.of, x.slope);
     f.value = sum[0];
     f.gradient = per_cell * Vec3<double>{sloped[0], sum[1], sum[2]};
-    if (!(std::abs(f.value) * per_band <= 1)) {
-        f.hessian = Mat3<double>::zero();
-        return;
-    }
+    if (!(std::abs(f.value) * per_band <= 1)) return false;
     const double scale = per_cell * per_cell;
     Row bent[3];
     for (int k = 0; k < 3; ++k) bent[k] = weighted(rows[k], bend);
@@ -72,6 +70,7 @@ PALPATE_IN_BOTH void find_field(const Row (&rows)[3][3], const Vec3<double>& awa
     h[0][1] = h[1][0] = scale * sloped[1];
     h[0][2] = h[2][0] = scale * sloped[2];
     h[1][2] = h[2][1] = scale * more[1];
+    return true;
 }
 
 PALPATE_IN_BOTH const float* row_of(const CellBlock& cells, int k, int j) {
@@ -80,7 +79,6 @@ PALPATE_IN_BOTH const float* row_of(const CellBlock& cells, int k, int j) {
 
 PALPATE_IN_BOTH SlopedField unit_slope(const SampledField& f, double per_band) {
     const double u = f.value * per_band, within = std::max(1 - u * u, 0.0);
-    if (within == 0) return {f.value, f.gradient};
     constexpr double least = fitted::least_gradient2;
     const double s = dot(f.gradient, f.gradient);
     const double m = s > least ? s : 0.5 * (s * s / least + least), dm = s > least ? 1 : s / least;
@@ -90,64 +88,77 @@ PALPATE_IN_BOTH SlopedField unit_slope(const SampledField& f, double per_band) {
             (1 + w * q + f.value * dw * q) * f.gradient + (2 * f.value * w * dq) * (f.hessian * f.gradient)};
 }
 
-#ifdef __x86_64__
-const bool has_avx2 = __builtin_cpu_supports("avx2");  // where it is asked before, not known: the bits are the same
-
-/// No product is fused here: bits are the same.
-[[gnu::target("avx2"), gnu::always_inline]] inline void read_field_avx2(const CellBlock& cells,
-                                                                        const Vec3<double>& away, double per_cell,
-                                                                        double per_band, SampledField& f) {
-    Row rows[3][3];
-    for (int k = 0; k < 3; ++k)
-        for (int j = 0; j < 3; ++j) rows[k][j] = Row(_mm256_cvtps_pd(_mm_loadu_ps(row_of(cells, k, j))));
-    find_field(rows, away, per_cell, per_band, f);
-}
-[[gnu::target("avx2")]] void find_field_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
-                                             double per_band, SampledField& f) {
-    read_field_avx2(cells, away, per_cell, per_band, f);
-}
-[[gnu::target("avx2")]] SlopedField unit_slope_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
-                                                    double per_band) {
+PALPATE_IN_BOTH SampledField field_of(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell,
+                                      double per_band) {
     SampledField f;
-    read_field_avx2(cells, away, per_cell, per_band, f);
+    if (!find_field(rows, away, per_cell, per_band, f)) f.hessian = Mat3<double>::zero();
+    return f;
+}
+PALPATE_IN_BOTH SlopedField unit_slope_of(const Row (&rows)[3][3], const Vec3<double>& away, double per_cell,
+                                          double per_band) {
+    SampledField f;
+    if (!find_field(rows, away, per_cell, per_band, f)) return {f.value, f.gradient};
     return unit_slope(f, per_band);
 }
-#endif
 
-}  // namespace
-
-SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells, double bent_within) {
+PALPATE_IN_BOTH void read_rows(const CellBlock& cells, Row (&rows)[3][3]) {
     using Floats = float __attribute__((vector_size(16)));
-    Row rows[3][3];
     for (int k = 0; k < 3; ++k)
         for (int j = 0; j < 3; ++j) {
             Floats four;
             std::memcpy(&four, row_of(cells, k, j), sizeof four);
             rows[k][j] = __builtin_convertvector(four, Row);
         }
-    SampledField f;
-    find_field(rows, away, per_cell, 1 / bent_within, f);
-    return f;
+}
+
+#ifdef __x86_64__
+const bool has_avx2 = __builtin_cpu_supports("avx2");  // where it is asked before, not known: the bits are the same
+
+/// No product is fused here: bits are the same.
+[[gnu::target("avx2"), gnu::always_inline]] inline void read_rows_avx2(const CellBlock& cells, Row (&rows)[3][3]) {
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j) rows[k][j] = Row(_mm256_cvtps_pd(_mm_loadu_ps(row_of(cells, k, j))));
+}
+[[gnu::target("avx2")]] SampledField field_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
+                                                double per_band) {
+    Row rows[3][3];
+    read_rows_avx2(cells, rows);
+    return field_of(rows, away, per_cell, per_band);
+}
+[[gnu::target("avx2")]] SlopedField unit_slope_avx2(const CellBlock& cells, const Vec3<double>& away, double per_cell,
+                                                    double per_band) {
+    Row rows[3][3];
+    read_rows_avx2(cells, rows);
+    return unit_slope_of(rows, away, per_cell, per_band);
+}
+#endif
+
+}  // namespace
+
+SampledField plain_spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells, double bent_within) {
+    Row rows[3][3];
+    read_rows(cells, rows);
+    return field_of(rows, away, per_cell, 1 / bent_within);
 }
 
 SampledField spline_field(const Vec3<double>& away, double per_cell, const CellBlock& cells, double bent_within) {
 #ifdef __x86_64__
-    if (has_avx2) {
-        SampledField f;
-        find_field_avx2(cells, away, per_cell, 1 / bent_within, f);
-        return f;
-    }
+    if (has_avx2) return field_avx2(cells, away, per_cell, 1 / bent_within);
 #endif
     return plain_spline_field(away, per_cell, cells, bent_within);
 }
 
-SlopedField of_unit_slope(const SampledField& f, double per_band) { return unit_slope(f, per_band); }
+SlopedField of_unit_slope(const SampledField& f, double per_band) {
+    return std::abs(f.value) * per_band < 1 ? unit_slope(f, per_band) : SlopedField{f.value, f.gradient};
+}
 
 SlopedField spline_of_unit_slope(const Vec3<double>& away, double per_cell, const CellBlock& cells, double per_band) {
 #ifdef __x86_64__
     if (has_avx2) return unit_slope_avx2(cells, away, per_cell, per_band);
 #endif
-    return unit_slope(plain_spline_field(away, per_cell, cells, 1 / per_band), per_band);
+    Row rows[3][3];
+    read_rows(cells, rows);
+    return unit_slope_of(rows, away, per_cell, per_band);
 }
 
 }  // namespace palpate
