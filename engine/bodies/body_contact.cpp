@@ -207,30 +207,41 @@ void set_rim(const Feature& f, const ContactBody& a, const ContactBody& b, Featu
     c.rim = stays ? before : deepest;
 }
 
-/// What touches in a step, and how it slips along the way that bodies would take without each other: where a ball
-/// rolls, another point in every instant. The slip is the turn times the mean arm of what is at the contact, which goes
-/// from where it is at first to where it is at last along an arc: of a point that stays the same one exactly the way
-/// that it goes, and of a ball that rolls zero.
-void touch_in_step(const Feature& f, const ContactBody& a, const ContactBody& b, FeatureContact& c) {
-    const auto [there, surface] = touch_of(f, a.pose, c, *b.shape, b.pose, c.side);
-    c.distance = surface.distance;
-    const Vec3<double> before = inverse_transform(b.start, touch_of(f, a.start, c, *b.shape, b.start, c.side).point);
-    const Vec3<double> now = inverse_transform(b.pose, there), centre = inverse_transform(b.pose, a.centre),
-                       centre_before =
-                           inverse_transform(b.start, transform(a.start, inverse_transform(a.pose, a.centre)));
+/// How a turns in b's frame along the way that they would take without each other: the same for all that touches.
+struct RelativeTurn {
+    Vec3<double> centre, centre_before;  ///< a's, at the end and at the start
+    Vec3<double> axis;
+    double angle;
+};
+RelativeTurn relative_turn(const ContactBody& a, const ContactBody& b) {
     const Quaternion<double> turn =
         (conjugate(b.pose.rotation) * a.pose.rotation) * conjugate(conjugate(b.start.rotation) * a.start.rotation);
     const Vec3<double> half = (turn.w < 0 ? -1 : 1) * turn.vector();
     const double sine = norm(half);
     const Vec3<double> axis = sine > 0 ? (1 / sine) * half : Vec3<double>{0, 0, 1};
-    double angle = 2 * std::atan2(sine, std::abs(turn.w));
+    const double angle = 2 * std::atan2(sine, std::abs(turn.w));
     const double expected = dot(axis, transposed_times(rotation_matrix(b.pose.rotation), a.turn - b.turn));
-    angle += 2 * M_PI * std::round((expected - angle) / (2 * M_PI));
-    const Vec3<double> first = cross(axis, before - centre_before), last = cross(axis, now - centre);
+    return {inverse_transform(b.pose, a.centre),
+            inverse_transform(b.start, transform(a.start, inverse_transform(a.pose, a.centre))), axis,
+            angle + 2 * M_PI * std::round((expected - angle) / (2 * M_PI))};
+}
+
+/// What touches in a step, and how it slips: where a ball rolls, another point in every instant. The slip is the turn
+/// times the mean arm of what is at the contact, which goes from where it is at first to where it is at last along an
+/// arc: of a point that stays the same one exactly the way that it goes, and of a ball that rolls zero.
+void touch_in_step(const Feature& f, const ContactBody& a, const ContactBody& b, const RelativeTurn& turn,
+                   FeatureContact& c) {
+    const auto [there, surface] = touch_of(f, a.pose, c, *b.shape, b.pose, c.side);
+    c.distance = surface.distance;
+    const Vec3<double> there_before = f.radius > 0 ? touch_of(f, a.start, c, *b.shape, b.start, c.side).point
+                                                   : transform(a.start, f.point + c.place * f.along);
+    const Vec3<double> before = inverse_transform(b.start, there_before), now = inverse_transform(b.pose, there);
+    const Vec3<double> first = cross(turn.axis, before - turn.centre_before),
+                       last = cross(turn.axis, now - turn.centre);
     // Of an arc, the mean is the chord's middle times tan(x) / x, x half of what it spans about the axis.
     const double span = 0.5 * std::atan2(norm(cross(first, last)), dot(first, last));
     const double mean = span > 1e-4 ? std::tan(std::min(span, fitted::widest_span)) / span : 1;
-    const Vec3<double> slip = centre - centre_before + (0.5 * angle * mean) * (first + last);
+    const Vec3<double> slip = turn.centre - turn.centre_before + (0.5 * turn.angle * mean) * (first + last);
     c.point_of_a = inverse_transform(a.pose, there);
     c.point_of_b = now - slip;
 }
@@ -318,6 +329,7 @@ void stop_at_first_face(const Feature& f, const ContactBody& a, const ContactBod
 }  // namespace
 
 void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a, const ContactBody& b) {
+    const RelativeTurn turn = relative_turn(a, b);
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         c.exit = c.face = {0, 0, 0};
@@ -334,7 +346,7 @@ void begin_pair(BodyPair& pair, const std::vector<Feature>& features, const Cont
         c.side = side_of_surface(*b.shape, middle, facing, c.side, travel);
         set_rim(features[i], a, b, c);
         stop_at_first_face(features[i], a, b, c, travel, Within::must_be);
-        touch_in_step(features[i], a, b, c);
+        touch_in_step(features[i], a, b, turn, c);
     }
 }
 
@@ -345,6 +357,7 @@ void stop_falls(BodyPair& pair, const std::vector<Feature>& features, const Cont
     // Either may be held where it is by something else.
     ContactBody falling_a = a, falling_b = b;
     falling_a.pose = a_falls, falling_b.pose = b_falls;
+    const RelativeTurn turn = relative_turn(a, b);
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         const Vec3<double> point = features[i].point + c.place * features[i].along;
@@ -355,7 +368,7 @@ void stop_falls(BodyPair& pair, const std::vector<Feature>& features, const Cont
                                to = inverse_transform(of_b->pose, transform(of_a->pose, point));
             stop_at_first_face(features[i], *of_a, *of_b, c, norm(to - from), Within::may_be);
         }
-        if (dot(c.face, c.face) > 0) touch_in_step(features[i], a, b, c);
+        if (dot(c.face, c.face) > 0) touch_in_step(features[i], a, b, turn, c);
     }
 }
 
@@ -394,11 +407,12 @@ bool find_exit_face(BodyPair& pair, const std::vector<Feature>& features, const 
         }
         if (deepest < least) least = deepest, best = out;
     }
+    const RelativeTurn turn = relative_turn(a, b);
     for (std::size_t i = 0; i < features.size(); ++i) {
         FeatureContact& c = pair.contacts[i];
         if (c.undone <= 0) continue;
         c.exit = best.exit, c.reach = best.reach, c.rim = {0, 0, 0};
-        touch_in_step(features[i], a, b, c);
+        touch_in_step(features[i], a, b, turn, c);
     }
     return true;
 }

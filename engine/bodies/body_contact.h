@@ -73,6 +73,11 @@ struct FeatureContact {
     std::array<PairTerm, 2> terms;          ///< normal, friction
 };
 
+struct PairEvaluation {
+    double energy = 0, pending = 0, contact_force = 0;
+    double penetration = 0;  ///< beyond what the step leaves of an overlap at its start [m]
+};
+
 /// Two objects near each other: `a` brings the features.
 struct BodyPair {
     int a = -1, b = -1;                    ///< rows of objects; -1: unused
@@ -80,6 +85,7 @@ struct BodyPair {
     double penalty = 2e5;                  ///< [N/m]
     bool near = false;                     ///< found near in this step
     std::vector<FeatureContact> contacts;  ///< [feature of a against b]
+    PairEvaluation evaluation;             ///< the last
 };
 
 /// The deepest point of a feature in an object, and the object's distance and normal there, world.
@@ -113,10 +119,6 @@ SurfacePoint<double> surface_at(const FeatureContact& contact, const Shape& b, c
 /// until none is left.
 void undo_overlap(FeatureContact& contact, double overlap, double begins, double recovery);
 
-struct PairEvaluation {
-    double energy = 0, pending = 0, contact_force = 0;
-    double penetration = 0;  ///< beyond what the step leaves of an overlap at its start [m]
-};
 /// Evaluates all contacts of a pair at the objects' poses; writes their terms and candidates.
 PairEvaluation evaluate_pair(BodyPair& pair, const std::vector<Feature>& features, const ContactBody& a,
                              const ContactBody& b, double exactness);

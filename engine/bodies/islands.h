@@ -48,16 +48,27 @@ unsigned lanes_where(const BodyWork& w, int coupled, Condition condition) {
     return lanes;
 }
 
-/// Calls visit(chunk, kernel, lanes) for every coupled chunk with lanes whose island fulfils a condition, in parallel.
+/// Calls visit(chunk, kernel, lanes) for a coupled chunk that has lanes whose island fulfils a condition.
+template <class Condition, class Visit>
+void with_lanes(const BodyWork& w, int coupled, Condition condition, Visit visit) {
+    const unsigned lanes = lanes_where(w, coupled, condition);
+    if (lanes) with_chunk(w, coupled, [&](auto& c, const auto& kernel) { visit(c, kernel, lanes); });
+}
+
+/// The same for all of them, in parallel.
 template <class Condition, class Visit>
 void for_each_chunk(const BodyWork& w, Condition condition, Visit visit) {
-    auto one = [&](int k) {
-        const unsigned lanes = lanes_where(w, k, condition);
-        if (lanes) with_chunk(w, k, [&](auto& c, const auto& kernel) { visit(c, kernel, lanes); });
-    };
     const int count = int(w.s.coupled.size());
-    if (count == 1) return one(0);
-    w.threads.for_each(count, one);
+    if (count == 1) return with_lanes(w, 0, condition, visit);
+    w.threads.for_each(count, [&](int k) { with_lanes(w, k, condition, visit); });
+}
+/// And something else beside them.
+template <class Condition, class Visit, class Beside>
+void for_each_chunk(const BodyWork& w, Condition condition, Visit visit, Beside beside) {
+    const int count = int(w.s.coupled.size());
+    auto one = [&](int k) { k < count ? with_lanes(w, k, condition, visit) : beside(); };
+    if (count > 1) return w.threads.for_each(count + 1, one);
+    for (int k = 0; k <= count; ++k) one(k);
 }
 
 /// Calls visit(chunk, lane, island) for every lane, one after the other, by their fingers' numbers.

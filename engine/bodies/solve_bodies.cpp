@@ -69,6 +69,17 @@ void wait_with_matrices(Work& w) {
     });
 }
 
+/// Contact between bodies.
+void evaluate_pairs(Work& w) {
+    for (BodyPair& p : w.s.pairs) {
+        if (p.a < 0) continue;
+        const detail::LaneProgress<double>& progress = island_of_pair(w, p).progress;
+        if (!progress.active) continue;
+        p.evaluation =
+            evaluate_pair(p, features_of_pair(w.s, p), w.s.objects[p.a], w.s.objects[p.b], progress.exactness);
+    }
+}
+
 /// Inertia, weight and contact between bodies, into their gradients and their islands.
 void evaluate_bodies(Work& w) {
     BodySolve& s = w.s;
@@ -96,8 +107,7 @@ void evaluate_bodies(Work& w) {
         if (p.a < 0) continue;
         Island& i = island_of_pair(w, p);
         if (!active(i)) continue;
-        const PairEvaluation e =
-            evaluate_pair(p, features_of_pair(s, p), s.objects[p.a], s.objects[p.b], i.progress.exactness);
+        const PairEvaluation& e = p.evaluation;
         i.evaluation.energy += e.energy;
         i.evaluation.pending += e.pending;
         i.evaluation.contact_force += e.contact_force;
@@ -130,7 +140,9 @@ void evaluate_all(Work& w, Steps steps) {
         if (steps(i) && (i.progress.damping > 0 || i.progress.iterations >= detail::fitted::kept_iterations))
             forget_matrix(c, lane, 0);
     });
-    for_each_chunk(w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver); });
+    for_each_chunk(
+        w, active, [&](auto& c, const auto& kernel, unsigned) { kernel.evaluate(c, w.solver); },
+        [&] { evaluate_pairs(w); });
     add_soft_contact(w);
     for_each_lane(w, [&](auto& c, int lane, Island& i) {
         if (active(i) && ((c.linear.left_lanes >> lane) & 1u)) detail::forget_energy<double>(i.progress, true);

@@ -136,7 +136,7 @@ bool in_tissue(const SkinChunk<T>& c, int lane, const Vec3<double>& point) {
 /// that skin is none of the pad's, and what the pad has of it looks aside.
 template <class T>
 Vec3<double> outward_at(const SkinChunk<T>& c, int lane, const ContactSurface& surface, std::size_t s) {
-    Vec3<double> outward = rotation_matrix(surface.bone.rotation) * c.scratch.outward[s];
+    Vec3<double> outward = rotation_matrix(surface.bone.rotation) * lane_outward(c, lane)[s];
     const int node = c.topology->samples[s];
     for (const auto& f : surface.rim_faces) {
         if (f[0] != node && f[1] != node && f[2] != node) continue;
@@ -157,7 +157,7 @@ bool is_behind(const SkinChunk<T>& c, int lane, const LaneContact& o, const Cont
     const auto is_straight = [&](const Vec3<double>& outward) {
         return dot(near.normal, outward) > straight * norm(outward);
     };
-    const bool of_pad = is_straight(rotation_matrix(surface.bone.rotation) * c.scratch.outward[s]);
+    const bool of_pad = is_straight(rotation_matrix(surface.bone.rotation) * lane_outward(c, lane)[s]);
     if (!of_pad && !is_straight(outward_at(c, lane, surface, s))) return false;
     const Vec3<double> there = x - near.distance * near.normal;
     if (!in_tissue(c, lane, there)) return false;

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "engine/contact/contact_edge.h"
 #include "engine/contact/crossed_skin.h"
@@ -158,12 +159,12 @@ void read_bulges(const SkinChunk<T>& c, int lane, ContactSurface& out) {
     const Mat3<double> bone = rotation_matrix(out.bone.rotation);
     for (std::size_t s = 0; s < out.bulge.size(); ++s) {
         const Vec3<double> b = transposed_times(bone, read_vec3(c.scratch.bulge, s, c.width, lane));
-        out.bulge[s] = found && dot(b, c.scratch.outward[s]) > 0 ? b : Vec3<double>{0, 0, 0};
+        out.bulge[s] = found && dot(b, lane_outward(c, lane)[s]) > 0 ? b : Vec3<double>{0, 0, 0};
     }
 }
 
 /// Outward normals of the pad at its nodes, as long as twice an area, finger frame.
-void find_outward(const ContactSurface& surface, std::vector<Vec3<double>>& outward) {
+void find_outward(const ContactSurface& surface, std::span<Vec3<double>> outward) {
     std::fill(outward.begin(), outward.end(), Vec3<double>{0, 0, 0});
     for (const auto& f : surface.faces) {
         const Vec3<double>& a = surface.position[std::size_t(f[0])];
@@ -258,7 +259,7 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     for (std::size_t s = 0; s < S; ++s) {
         out.position[s] = transposed_times(of_bone, node_position(c, t.samples[s], lane) - bone.position);
     }
-    if (slots > 0 || !out.bulge.empty()) find_outward(out, c.scratch.outward);
+    if (slots > 0 || !out.bulge.empty()) find_outward(out, lane_outward(c, lane));
     if (!out.bulge.empty()) read_bulges(c, lane, out);
     clear_forces(out);
     int pressed_from_inside = 0;
@@ -275,7 +276,8 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
             force.pressing += f.pressing;
             normal_force += std::max(normal, 0.0);
             felt = true;
-            if (s < S && normal > 0) pressed_from_inside += is_pressed_from_inside(f, of_bone * c.scratch.outward[s]);
+            if (s < S && normal > 0)
+                pressed_from_inside += is_pressed_from_inside(f, of_bone * lane_outward(c, lane)[s]);
         }
         if (!felt) continue;
         const char touches = normal_force > 0;
@@ -414,16 +416,36 @@ void extract_soft(const Table<Skin>& skins, double tolerance, SoftObjects& soft,
     }
 }
 
+template <class T>
+void extract_lane(SkinChunk<T>& c, int lane, const Table<Skin>& skins, double tolerance, Table<Coupling>& couplings,
+                  Table<ContactSurface>& surfaces) {
+    const int row = c.finger[std::size_t(lane)];
+    if (row < 0 || row >= int(skins.size()) || ((c.unchanged_lanes >> lane) & 1u)) return;
+    const EntityId finger = skins.owner(std::size_t(row));
+    extract(c, lane, tolerance, *couplings.find(finger), *surfaces.find(finger));
+}
+
 /// The fingers of a chunk.
 template <class T>
 void extract_lanes(SkinChunk<T>& c, const Table<Skin>& skins, double tolerance, Table<Coupling>& couplings,
                    Table<ContactSurface>& surfaces) {
-    for (int lane = 0; lane < c.width; ++lane) {
-        const int row = c.finger[std::size_t(lane)];
-        if (row < 0 || row >= int(skins.size()) || ((c.unchanged_lanes >> lane) & 1u)) continue;
-        const EntityId finger = skins.owner(std::size_t(row));
-        extract(c, lane, tolerance, *couplings.find(finger), *surfaces.find(finger));
-    }
+    for (int lane = 0; lane < c.width; ++lane) extract_lane(c, lane, skins, tolerance, couplings, surfaces);
+}
+
+/// How long reading the contact of some fingers takes, about [us].
+double reading_us(const Table<Skin>& skins, SkinChunks& chunks) {
+    constexpr double apart = 0.4, touching = 2, at_mesh = 8;
+    double sum = 0;
+    for (const Skin& skin : skins)
+        chunks.with(skin.single_precision, skin.chunk, [&](const auto& c) {
+            if (!has_own_work(c) || ((c.unchanged_lanes >> skin.lane) & 1u)) return;
+            double most = apart;
+            for (int slot = 0; slot < c.contacts.count[std::size_t(skin.lane)]; ++slot)
+                most =
+                    std::max(most, c.contacts.at(slot, skin.lane).shape.kind == ShapeKind::mesh ? at_mesh : touching);
+            sum += most;
+        });
+    return sum;
 }
 
 }  // namespace
@@ -441,9 +463,18 @@ void extract_contact(const Table<Skin>& skins, double tolerance, Threads& thread
             if (has_own_work(c)) extract_lanes(c, skins, tolerance, couplings, surfaces);
         });
     };
-    constexpr std::size_t few = 48;  // they are done sooner than threads are woken
+    auto extract_finger = [&](int row) {
+        const Skin& skin = skins[std::size_t(row)];
+        chunks.with(skin.single_precision, skin.chunk, [&](auto& c) {
+            if (has_own_work(c)) extract_lane(c, skin.lane, skins, tolerance, couplings, surfaces);
+        });
+    };
+    constexpr std::size_t few = 48;   // fingers of a chunk are read together, where there are enough chunks
+    constexpr double waking_us = 25;  // what takes less is done sooner than threads are woken
     if (surfaces.size() >= few)
         threads.for_each(chunks.count(), extract_own);
+    else if (threads.count() > 1 && reading_us(skins, chunks) > waking_us)
+        threads.for_each(int(skins.size()), extract_finger);
     else
         for (int chunk = 0; chunk < chunks.count(); ++chunk) extract_own(chunk);
     if (!pairs.near.empty()) add_slips(surfaces);

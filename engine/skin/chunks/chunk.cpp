@@ -31,7 +31,7 @@ void resize_fields(SkinChunk<T>& c) {
         c.scratch.candidate_limits.resize(has_own_work(c) ? limits : 0, all_lanes);
     }
     c.exchange.idle_columns.resize(c.has_bodies ? std::size_t(s.capacity) : 0);
-    c.scratch.outward.resize(has_own_work(c) ? c.topology->samples.size() : 0);
+    c.scratch.outward.resize(has_own_work(c) ? c.topology->samples.size() * std::size_t(c.width) : 0);
     c.scratch.changed_columns.resize(std::size_t(c.topology->pattern.columns), 1);
     if (c.width == 1 && c.topology->supernodes.workers > 1)
         c.scratch.factored.resize(c.topology->supernodes.supernodes.size());

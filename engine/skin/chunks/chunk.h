@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "engine/skin/chunks/contact_slots.h"
@@ -120,7 +121,7 @@ struct SkinScratch {
     LaneArray<T>
         contact_normal;  ///< [slot][sample][xyz] at the last evaluation, object's frame; empty without friction
     LaneArray<T> svd;    ///< [element][3x3] V at the last evaluation; empty if corotational
-    std::vector<Vec3<double>> outward;  ///< of the lane whose contact is being read: [sample at a node], finger frame
+    std::vector<Vec3<double>> outward;  ///< lanes whose contact is being read: [lane][sample at a node], finger frame
     std::vector<unsigned char> changed_columns;  ///< [column] of the matrix: 1 = not what the factor was made from
     std::vector<int> factored;                   ///< [supernode] 1: by one of several threads, or it is as it was
     std::vector<NotedLimit> noted_limits;  ///< of the running evaluation; memory for every element where limits are
@@ -331,6 +332,17 @@ bool same_target(const SkinChunk<T>& c, int lane) {
 /// Moves a lane's origin to its bone where the bone has left it behind.
 template <class T>
 void rebase_lane(SkinChunk<T>& chunk, int lane);
+
+/// Outward normals of a lane's pad, while its contact is read: [sample at a node], finger frame.
+template <class T>
+std::span<Vec3<double>> lane_outward(SkinChunk<T>& c, int lane) {
+    const std::size_t samples = c.topology->samples.size();
+    return std::span(c.scratch.outward).subspan(std::size_t(lane) * samples, samples);
+}
+template <class T>
+std::span<const Vec3<double>> lane_outward(const SkinChunk<T>& c, int lane) {
+    return lane_outward(const_cast<SkinChunk<T>&>(c), lane);
+}
 
 /// Origin of a lane, world [m].
 template <class T>

@@ -33,7 +33,7 @@ SkinChunk<T> work_of(const SkinChunk<T>& like) {
     for_each_field(c, [&](auto& array, const Field& f) {
         if (f.role == Role::work) array.resize(numbers_per_lane(f, 0) * std::size_t(c.width));
     });
-    c.scratch.outward.resize(like.topology->samples.size());
+    c.scratch.outward.resize(like.topology->samples.size() * std::size_t(like.width));
     c.scratch.changed_columns.resize(like.scratch.changed_columns.size());
     c.scratch.candidate_limits.resize(like.scratch.loaded_limits.size(), all_lanes);
     return c;
