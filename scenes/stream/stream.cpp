@@ -115,7 +115,8 @@ struct Stream::Work {
     }
     bool full() const { return written - taken.load(std::memory_order_acquire) >= ring; }
     void put_late() {
-        while (full() && Clock::now() < last_chance) std::this_thread::sleep_for(std::chrono::microseconds(300));
+        while (full() && !cut && Clock::now() < last_chance)
+            std::this_thread::sleep_for(std::chrono::microseconds(300));
         if (full()) return;
         std::swap(steps[written % ring], late);
         --left_out, has_late = false, ++written;
