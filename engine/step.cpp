@@ -60,7 +60,7 @@ void step(World& w, Threads& threads) {
     });
     timed(p.begin_bodies, [&] { begin_bodies(w.solver, w.time, w.shapes, w.bodies); });
     timed(p.detect_contacts, [&] {
-        w.contact_growths += detect_contacts(w.shapes, w.bodies, w.solver, w.chunks);
+        w.contact_growths += detect_contacts(w.shapes, w.bodies, w.solver, threads, w.chunks);
         w.contact_growths +=
             detect_finger_pairs(w.shapes, w.bodies, w.skins, w.solver, w.body_solve, w.finger_pairs, w.chunks);
         detect_soft_contacts(w.shapes, w.skins, w.solver, w.soft, w.chunks);

@@ -35,7 +35,7 @@ void begin_bodies(const SolverSettings& solver, double time, Table<VirtualObject
 /// the only allocation in a step that the engine makes itself, once for each further object that is near a finger at
 /// the same time.
 int detect_contacts(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
-                    SkinChunks& chunks);
+                    Threads& threads, SkinChunks& chunks);
 
 /// Finds the fingers near each other, and gives each the planes between it and others (finger_pairs.h). Returns how
 /// often that took more memory than there was: where fingers come near each other for the first time, and as above.

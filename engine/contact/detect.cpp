@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <atomic>
+#include <bit>
 #include <cmath>
 
 #include "engine/contact/fitted.h"
@@ -159,9 +161,18 @@ int detect_for_chunk(const Table<VirtualObject>& shapes, const Table<RigidBody>&
 }  // namespace
 
 int detect_contacts(const Table<VirtualObject>& shapes, const Table<RigidBody>& bodies, const SolverSettings& solver,
-                    SkinChunks& chunks) {
-    int growths = 0;
-    chunks.for_each([&](auto& c) { growths += detect_for_chunk(shapes, bodies, solver, c); });
+                    Threads& threads, SkinChunks& chunks) {
+    std::atomic<int> growths = 0;
+    auto detect = [&](int chunk) {
+        growths += chunks.with(chunk, [&](auto& c) { return detect_for_chunk(shapes, bodies, solver, c); });
+    };
+    constexpr int few = 48;  // fingers, which one thread has done before others are woken
+    int fingers = 0;
+    chunks.for_each([&](const auto& c) { fingers += std::popcount(c.used_lanes); });
+    if (fingers >= few)
+        threads.for_each(chunks.count(), detect);
+    else
+        for (int chunk = 0; chunk < chunks.count(); ++chunk) detect(chunk);
     return growths;
 }
 
