@@ -29,6 +29,9 @@ inline constexpr Bounds pad_bulge{0, 0.5}, nail_drop{0, 0.5}, crease{0, 0.4};
 FingerShape finger_shape(const std::string& finger);
 std::vector<std::string> finger_shape_names();
 
+/// Of built-in fingers with conforming meshes. Without one the cut end is touched, where a finger goes on in truth.
+inline constexpr double usual_crease = 0.22;
+
 /// Moves nodes inside a finger of this shape as its pad side comes to have the bulge and the crease of another.
 void change_pad(std::vector<Point>& nodes, const FingerShape& shape, const FingerShape& wanted);
 

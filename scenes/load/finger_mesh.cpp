@@ -65,7 +65,7 @@ TetMesh filled(const FingerMeshRequest& r, const Surface& surface, std::string& 
 }
 
 /// The mesh whose limit patches all finer ones of the finger have: the default finger's.
-constexpr int base_elements = 347, least_finer = 450;
+constexpr int base_elements = 347, least_finer = 380;
 
 /// Patches of what shares its change of volume, its strain limits, its stretch along the skin; of templates once.
 /// `base` makes the finger's mesh of `base_elements`, grouped; where there is none (a scan that cannot be meshed with

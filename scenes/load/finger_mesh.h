@@ -12,6 +12,12 @@
 
 namespace palpate {
 
+/// Of built-in fingers with conforming meshes (usual_crease). Of the template's meshes of 335 to 545 elements, that for
+/// 400 is as good as those of 500 in nearly all that was measured (bench/README.md, "Meshes").
+inline constexpr int usual_elements = 400;
+/// Of theirs, so that they press as the finest meshes do: 2 to 4 % less.
+inline constexpr double usual_softening = 0.04;
+
 struct FingerMeshRequest {
     enum class Source { parametric, surface, tets } source = Source::parametric;
     FingerShape shape;
@@ -32,7 +38,13 @@ struct FingerMeshRequest {
     bool by_default = false;              ///< kind and patch are those of scenes that say nothing of them
     std::optional<int> scene_patch{};     ///< what the scene says of all fingers' patches
     bool own_patch = false;               ///< the finger itself says it
-    Grading grading;                      ///< of a conforming mesh
+    /// Of a shape with a conforming mesh, where nothing is said of them.
+    struct Usual {
+        int elements = 347;
+        double crease = 0, softening = 0;
+    } usual;
+    bool own_elements = false, own_crease = false, own_softening = false;  ///< said
+    Grading grading;                                                       ///< of a conforming mesh
     FingerRegions regions;
     bool half_space = false;  ///< bone nodes by half-space instead of regions
     Point half_space_normal{0, 0, 1};

@@ -37,7 +37,9 @@ void read_shape(Section s, FingerMeshRequest& r) {
     s.number("nail_drop", r.shape.nail_drop, unit::one, in_file(unit::one, shape_bounds::nail_drop),
              "Share of the dorsal half height lost towards the tip, over the nail.");
     s.number("crease", r.shape.crease, unit::one, in_file(unit::one, shape_bounds::crease),
-             "Share of the pad side's height lost towards the cut, as at the crease of the joint behind it.");
+             "Share of the pad side's height lost towards the cut, as at the crease of the joint behind it. Where a "
+             "scene says nothing, 0.22 with a conforming mesh, 0 with a uniform one.");
+    r.own_crease = s.has("crease") || (r.own_crease && !s.has("finger"));
     s.finish();
 }
 
@@ -88,7 +90,9 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
              "curved: a skin as round as their normals say, as it is deformed.");
     r.curved_skin = curved == 1;
     s.number("softening", r.softening, unit::one, {0, 2},
-             "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3).");
+             "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3). "
+             "Where a scene says nothing, 0.04 for shapes with a conforming mesh.");
+    r.own_softening |= s.has("softening");
     s.number("limit_softening", r.limit_softening, unit::one, {0, 1},
              "Of coarse meshes, which are pressed together to their limits too early: lower limits are raised to the "
              "power of 1 + limit_softening (347 / tetrahedra)^(2/3).");
@@ -111,15 +115,24 @@ void settle_default_mesh(const Section& mesh, FingerModel& m) {
         // The scene said it of all fingers.
         if (!mesh.has("limits") && !corotational) r.limits_of = LimitsOf::elements;
     };
-    if (!r.by_default) return settle_limits();
-    constexpr int fewest = 250;
     const bool parametric = r.source == FingerMeshRequest::Source::parametric;
+    const auto settle_usual = [&] {
+        if (!parametric) return;
+        const bool conforming = r.kind == FingerMeshRequest::Kind::conforming;
+        const FingerMeshRequest::Usual usual = conforming ? r.usual : FingerMeshRequest::Usual{};
+        if (!r.own_elements) r.elements = usual.elements;
+        if (!r.own_crease) r.shape.crease = usual.crease;
+        if (!r.own_softening) r.softening = usual.softening;
+    };
+    if (!r.by_default) return settle_limits(), settle_usual();
+    constexpr int fewest = 250;
     r.by_default = !mesh.has("kind");
     if (r.by_default && (!parametric || r.half_space || !r.bone_nodes.empty() || r.elements < fewest))
         r.kind = FingerMeshRequest::Kind::uniform;
     if (!mesh.has("patch") && (r.kind == FingerMeshRequest::Kind::uniform || m.spec.material != Material::corotational))
         r.patch = 0;
     settle_limits();
+    settle_usual();
 }
 
 /// What of a mesh does not go together.
@@ -261,7 +274,10 @@ void read_finger_model(Section& s, const std::filesystem::path& folder, FingerMo
                       "phalanx."),
               m.mesh);
     read_layers(s, m.spec, m.layers);
-    s.integer("elements", m.mesh.elements, {20, 200000}, "Tetrahedra wanted, of a shape or a scanned surface.");
+    s.integer("elements", m.mesh.elements, {20, 200000},
+              "Tetrahedra wanted, of a shape or a scanned surface. Where a scene says nothing, 400 for shapes with a "
+              "conforming mesh.");
+    m.mesh.own_elements |= s.has("elements");
     settle_default_mesh(mesh, m);
     check_mesh(s, mesh, material, m);
 }

@@ -75,6 +75,7 @@ FingerModel read_common_finger(Section& root) {
     read_coupling(root.table("coupling", coupling_sentence), model.spec.coupling);
     read_filter(root.table("filter", filter_sentence), model.spec.filter);
     model.mesh.kind = FingerMeshRequest::Kind::conforming, model.mesh.patch = 5;
+    model.mesh.usual = {usual_elements, usual_crease, usual_softening};
     Section mesh =
         root.table("mesh",
                    "How fingers are meshed of which neither they nor their files say it. Without it shapes of "
@@ -100,6 +101,7 @@ void read_finger_preset(Section& s, const std::filesystem::path& folder, FingerM
     const FingerMeshRequest plain;  // what a file says nothing of is as it was when it was written
     m.mesh.kind = plain.kind, m.mesh.patch = plain.patch, m.mesh.grading = plain.grading, m.mesh.by_default = false;
     m.mesh.limits_of = FingerMeshRequest::LimitsOf::elements, m.mesh.scene_patch.reset();
+    m.mesh.usual = {}, m.mesh.own_elements = m.mesh.own_crease = m.mesh.own_softening = false;
     Problems found{problems.file, {}};
     read_named_finger(named, folder, m, found);
     if (!found.messages.empty()) s.complain_as_found("finger", found.messages);

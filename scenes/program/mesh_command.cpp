@@ -70,6 +70,7 @@ FingerMeshRequest request_of(const MeshArguments& a, double& surface_volume) {
     if (a.width_mm) r.shape.width = 1e-3 * *a.width_mm;
     if (a.thickness_mm) r.shape.thickness = 1e-3 * *a.thickness_mm;
     if (a.pad_bulge) r.shape.pad_bulge = *a.pad_bulge;
+    if (r.kind == FingerMeshRequest::Kind::conforming) r.shape.crease = usual_crease;
     surface_volume = volume(finger_surface(r.shape));
     return r;
 }

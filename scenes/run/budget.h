@@ -28,7 +28,7 @@ struct BudgetChoice {
     std::vector<std::string> settings() const;  ///< overrides that make a scene what was chosen
 };
 
-/// All that can be chosen from, most accurate first: presets, with meshes of 347 to 2,800 tetrahedra where `meshes`.
+/// All that can be chosen from, most accurate first: presets, with meshes of 400 to 2,800 tetrahedra where `meshes`.
 std::vector<BudgetPoint> budget_points(bool meshes);
 
 /// Runs half of the scene, and a second of it at least, with the cheapest preset, and then from the most accurate on

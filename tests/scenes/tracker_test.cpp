@@ -477,7 +477,7 @@ TEST(Tracking, ARecordedRealHandHoldsABall) {
     EXPECT_GT(ball.dropped_at_s, 1.5) << "the hand opened";
     EXPECT_LT(ball.slip_mm, 4);  // most of it while the hand opens
     ASSERT_EQ(ball.grips.size(), 2u);
-    for (const GripSummary& g : ball.grips) EXPECT_GT(g.reserve.weakest_N, 0.05) << g.finger;
+    for (const GripSummary& g : ball.grips) EXPECT_GT(g.reserve.weakest_N, 0.04) << g.finger;
     EXPECT_GT(ball.converged_share, 0.99);
 }
 

@@ -120,8 +120,8 @@ track = [
 name = "index"
 shape = { finger = "index" }
 track = [
-    { t_s = 0, position_mm = [1.5, 22, 11], rotation_deg = [-90, 0, 0] },
-    { t_s = 0.4, position_mm = [1.5, 13.5, 11], rotation_deg = [-90, 0, 0] },
+    { t_s = 0, position_mm = [2.5, 22, 11], rotation_deg = [-90, 0, 0] },
+    { t_s = 0.4, position_mm = [2.5, 13.5, 11], rotation_deg = [-90, 0, 0] },
 ]
 )");
     int number = 0;
