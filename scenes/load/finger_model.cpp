@@ -89,9 +89,11 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
              "stand for. "
              "curved: a skin as round as their normals say, as it is deformed.");
     r.curved_skin = curved == 1;
-    s.number("softening", r.softening, unit::one, {0, 2},
-             "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3). "
-             "Where a scene says nothing, 0.04 for shapes with a conforming mesh.");
+    s.number(
+        "softening", r.softening, unit::one, {0, 2},
+        "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3). "
+        "Where a scene says nothing, for shapes with a conforming mesh, 0.04 to 400, and 0.04 + 0.08 ln(elements / "
+        "400) of more, 0.12 at most.");
     r.own_softening |= s.has("softening");
     s.number("limit_softening", r.limit_softening, unit::one, {0, 1},
              "Of coarse meshes, which are pressed together to their limits too early: lower limits are raised to the "
@@ -99,6 +101,15 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
 }
 
 namespace {
+
+/// Softening of a built-in finger of that many elements, where nothing is said. What is pressed too hard falls more
+/// slowly with size than (347 / elements)^(2/3) until some 1,000 elements (bench/README.md, "Meshes").
+double softening_by_size(double usual, int elements) {
+    if (usual == 0) return 0;
+    constexpr double growth = 0.08, most = 0.12;
+    const double grown = usual + growth * std::log(std::max(elements, usual_elements) / double(usual_elements));
+    return std::round(1000 * std::min(grown, most)) / 1000;  // so that it is the same when it is written down
+}
 
 /// A scene's fingers are conforming where nothing is said; what does not go with that is uniform then: finished meshes,
 /// scans (many of which cannot be meshed so), a bone by half-space or by list, fewer elements than it takes; and
@@ -122,7 +133,7 @@ void settle_default_mesh(const Section& mesh, FingerModel& m) {
         const FingerMeshRequest::Usual usual = conforming ? r.usual : FingerMeshRequest::Usual{};
         if (!r.own_elements) r.elements = usual.elements;
         if (!r.own_crease) r.shape.crease = usual.crease;
-        if (!r.own_softening) r.softening = usual.softening;
+        if (!r.own_softening) r.softening = softening_by_size(usual.softening, r.elements);
     };
     if (!r.by_default) return settle_limits(), settle_usual();
     constexpr int fewest = 250;
