@@ -102,13 +102,11 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
 
 namespace {
 
-/// Softening of a built-in finger of that many elements, where nothing is said. What is pressed too hard falls more
-/// slowly with size than (347 / elements)^(2/3) until some 1,000 elements (bench/README.md, "Meshes").
+/// Usual softening of so many elements: until some 1,000, what is pressed too hard falls more slowly than by (347 /
+/// elements)^(2/3) (bench/README.md, "Meshes"). Rounded, so that it is the same when it is written down.
 double softening_by_size(double usual, int elements) {
-    if (usual == 0) return 0;
-    constexpr double growth = 0.08, most = 0.12;
-    const double grown = usual + growth * std::log(std::max(elements, usual_elements) / double(usual_elements));
-    return std::round(1000 * std::min(grown, most)) / 1000;  // so that it is the same when it is written down
+    const double grown = usual + 0.08 * std::log(std::max(elements, usual_elements) / double(usual_elements));
+    return usual == 0 ? 0 : std::round(1000 * std::min(grown, 0.12)) / 1000;
 }
 
 /// A scene's fingers are conforming where nothing is said; what does not go with that is uniform then: finished meshes,
