@@ -89,11 +89,9 @@ void read_how_meshed(Section& s, FingerMeshRequest& r) {
              "stand for. "
              "curved: a skin as round as their normals say, as it is deformed.");
     r.curved_skin = curved == 1;
-    s.number(
-        "softening", r.softening, unit::one, {0, 2},
-        "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3). "
-        "Where a scene says nothing, for shapes with a conforming mesh, 0.04 to 400, and 0.04 + 0.08 ln(elements / "
-        "400) of more, 0.12 at most.");
+    s.number("softening", r.softening, unit::one, {0, 2},
+             "Of coarse meshes, which press too hard: moduli are divided by 1 + softening (347 / tetrahedra)^(2/3). "
+             "Usual: of shapes with a conforming mesh 0.04, and 0.04 + 0.08 ln(elements / 400) to 0.12 beyond 400.");
     r.own_softening |= s.has("softening");
     s.number("limit_softening", r.limit_softening, unit::one, {0, 1},
              "Of coarse meshes, which are pressed together to their limits too early: lower limits are raised to the "
