@@ -320,16 +320,18 @@ int nodes_leapt(SkinChunk<T>& c, int lane, const ContactSurface& surface) {
     for (std::size_t k = 0; k < 7; ++k)
         b[k] = double(c.scratch.start_bone[k * std::size_t(c.width) + std::size_t(lane)]);
     const Pose<double> start{lane_origin(c, lane) + Vec3<double>{b[0], b[1], b[2]}, {b[3], b[4], b[5], b[6]}};
-    T farthest(0);  // squared, in the world: nearly always, nothing comes as far
-    for (const int node : t.samples) {
-        T squared(0);
-        for (int d = 0; d < 3; ++d) {
-            const std::size_t i = std::size_t((3 * node + d) * c.width + lane);
-            const T moved = c.state.position[i] - c.scratch.start_position[i];
-            squared += moved * moved;
+    T farthest(-1);  // squared, in the world: nearly always, nothing comes as far
+    const auto find_farthest = [&] {
+        for (const int node : t.samples) {
+            T squared(0);
+            for (int d = 0; d < 3; ++d) {
+                const std::size_t i = std::size_t((3 * node + d) * c.width + lane);
+                const T moved = c.state.position[i] - c.scratch.start_position[i];
+                squared += moved * moved;
+            }
+            farthest = std::max(farthest, squared);
         }
-        farthest = std::max(farthest, squared);
-    }
+    };
     int count = 0;
     for (int slot = 0; slot < c.contacts.count[std::size_t(lane)]; ++slot) {
         LaneContact& o = c.contacts.at(slot, lane);
@@ -339,6 +341,7 @@ int nodes_leapt(SkinChunk<T>& c, int lane, const ContactSurface& surface) {
         count += o.leapt;
         const bool still = norm(o.pose.position - o.start.position) <= 0 &&
                            norm(o.pose.rotation.vector() - o.start.rotation.vector()) <= 0;
+        if (still && farthest < 0) find_farthest();
         if (still && double(farthest) <= 4 * leap * leap) continue;
         for (std::size_t s = 0; s < t.samples.size(); ++s) {
             const Vec3<double> from = inverse_transform(o.start, before(t.samples[s])),

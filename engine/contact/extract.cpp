@@ -264,13 +264,13 @@ void extract(SkinChunk<T>& c, int lane, double tolerance, Coupling& coupling, Co
     clear_forces(out);
     int pressed_from_inside = 0;
     for (std::size_t s = 0; s < t.sample_count(); ++s) {
-        const Vec3<double> x = sample_position(c, c.state.position, s, lane);
         SampleForce force;
         double normal_force = 0;
         bool felt = false;
         for (int slot = 0; slot < slots; ++slot) {
             const double normal = c.state.normal_multiplier[(slot * t.sample_count() + s) * W + lane];
             if (normal <= 0 && !rubs(c, lane, slot, s)) continue;
+            const Vec3<double> x = sample_position(c, c.state.position, s, lane);
             const SampleForce f = sample_force(c, lane, slot, s, x, out.objects[std::size_t(slot)]);
             force.whole += f.whole;
             force.pressing += f.pressing;

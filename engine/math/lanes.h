@@ -325,15 +325,21 @@ inline MaskOf<Real> finite(Real a) {
 
 // ---- memory: arrays are [index][lane] of the scalar type -----------------------------------------
 
+namespace detail {
+/// A register's numbers where they stand in memory. It is numbers that a kernel writes through it: had they been copied
+/// as bytes, the compiler would read every index and pointer anew after each.
+template <class Real>
+struct InMemory {
+    typedef typename Real::Vector Vector __attribute__((aligned(alignof(ScalarOf<Real>))));
+};
+}  // namespace detail
+
 template <class Real>
 inline Real load(const ScalarOf<Real>* p) {
-    if constexpr (lane_width<Real> == 1) {
+    if constexpr (lane_width<Real> == 1)
         return *p;
-    } else {
-        Real r;
-        std::memcpy(&r.v, p, sizeof(r.v));
-        return r;
-    }
+    else
+        return Real(typename Real::Vector(*reinterpret_cast<const typename detail::InMemory<Real>::Vector*>(p)));
 }
 template <class Real>
 inline ScalarOf<Real> lane(const Real& a, int i) {
@@ -349,7 +355,7 @@ inline void store(ScalarOf<Real>* p, Real a) {
     if constexpr (lane_width<Real> == 1)
         *p = lane(a, 0);
     else
-        std::memcpy(p, &a.v, sizeof(a.v));
+        *reinterpret_cast<typename detail::InMemory<Real>::Vector*>(p) = a.v;
 }
 /// Copies `count` numbers: a multiple of three, and fewer than a register takes.
 template <class Real>
@@ -453,6 +459,61 @@ inline Whole gather_parts(const ScalarOf<Part>* p, const std::size_t* offset) {
         }
         (std::make_index_sequence<std::size_t(lane_width<Whole>)>{});
     }
+}
+namespace detail {
+/// Four numbers, of which three are wanted.
+template <class T>
+struct FourOf {
+    typedef T Vector __attribute__((vector_size(4 * sizeof(T))));
+    typedef Vector InMemory __attribute__((aligned(alignof(T))));
+};
+template <class V>
+inline auto joined(V low, V high) {
+    return [&]<std::size_t... k>(std::index_sequence<k...>) { return __builtin_shufflevector(low, high, int(k)...); }
+    (std::make_index_sequence<2 * sizeof(V) / sizeof(low[0])>{});
+}
+
+/// Numbers k + step i, i < 4, of the fours in which row i of each of four registers is what part 4 k + i has.
+template <int n, bool pairs, int first>
+inline constexpr int interleaved(int i) {
+    const int of_four = i / 4 * 4, place = i % 4;
+    if (!pairs) return of_four + first + place / 2 + (place % 2) * n;  // a0 b0 a1 b1
+    return of_four + 2 * first + place % 2 + place / 2 * n;            // a0 a1 b0 b1
+}
+template <bool pairs, int first, class V, std::size_t... i>
+inline V interleave(V a, V b, std::index_sequence<i...>) {
+    return __builtin_shufflevector(a, b, interleaved<int(sizeof...(i)), pairs, first>(int(i))...);
+}
+}  // namespace detail
+
+/// Whole registers of the numbers p[offset[k]], and of the two after each: fours are loaded, and turned in registers.
+/// Memory must not end before them (CacheAligned).
+template <class Whole>
+inline void gather_triples(const ScalarOf<Whole>* p, const std::size_t* offset, Whole out[3]) {
+    using T = ScalarOf<Whole>;
+    using V = typename Whole::Vector;
+    constexpr int n = lane_width<Whole>;
+    static_assert(n == 4 || n == 8 || n == 16);
+    constexpr auto all = std::make_index_sequence<std::size_t(n)>{};
+    auto four = [&](int part) {
+        return *reinterpret_cast<const typename detail::FourOf<T>::InMemory*>(p + offset[part]);
+    };
+    auto row_of = [&](int i) {
+        if constexpr (n == 4)
+            return V(four(i));
+        else if constexpr (n == 8)
+            return detail::joined(four(i), four(i + 4));
+        else
+            return detail::joined(detail::joined(four(i), four(i + 4)), detail::joined(four(i + 8), four(i + 12)));
+    };
+    const V row[4] = {row_of(0), row_of(1), row_of(2), row_of(3)};
+    const V xy = detail::interleave<false, 0>(row[0], row[1], all),
+            z = detail::interleave<false, 2>(row[0], row[1], all);
+    const V xy2 = detail::interleave<false, 0>(row[2], row[3], all),
+            z2 = detail::interleave<false, 2>(row[2], row[3], all);
+    out[0] = Whole(detail::interleave<true, 0>(xy, xy2, all));
+    out[1] = Whole(detail::interleave<true, 1>(xy, xy2, all));
+    out[2] = Whole(detail::interleave<true, 0>(z, z2, all));
 }
 /// A whole register of one number, or of the same lanes.
 template <class Whole, class Part>

@@ -84,16 +84,14 @@ namespace detail {
 /// Where Newton's iterations towards a nearest rotation (Higham 1986) stand.
 template <class R>
 struct RotationSearch {
-    Mat3<R> Q;
-    MaskOf<R> upright, running;
-
-    explicit RotationSearch(const Mat3<R>& F) : Q(F), upright(R(0) <= R(0)), running(upright) {}
+    MaskOf<R> upright = R(0) <= R(0), running = upright;
 };
 
-/// Iteration k: Q <- (Q + Q^-T) / 2. From the second on no singular value is below one, and the determinant says how
-/// far they are from it. Lanes that are done are not touched, so that none depends on its neighbours.
+/// Iteration k: next = (Q + Q^-T) / 2; both may be one. From the second on no singular value is below one, and the
+/// determinant says how far they are from it. Lanes that are done are not touched, so that none depends on its
+/// neighbours.
 template <class R>
-inline void search_on(RotationSearch<R>& s, int k) {
+inline void search_on(RotationSearch<R>& s, int k, const Mat3<R>& Q, Mat3<R>& next) {
     using T = ScalarOf<R>;
     constexpr int unchecked = 2;
     const R half = R(T(0.5)), done_below = R(std::is_same_v<T, double> ? T(2e-8) : T(5e-4));
@@ -101,16 +99,14 @@ inline void search_on(RotationSearch<R>& s, int k) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) {
             const int p = (i + 1) % 3, q = (i + 2) % 3, u = (j + 1) % 3, v = (j + 2) % 3;
-            C.m[i][j] = product_less(s.Q.m[p][u], s.Q.m[q][v], s.Q.m[p][v] * s.Q.m[q][u]);
+            C.m[i][j] = product_less(Q.m[p][u], Q.m[q][v], Q.m[p][v] * Q.m[q][u]);
         }
-    const R determinant =
-        plus_product(plus_product(s.Q.m[0][0] * C.m[0][0], s.Q.m[0][1], C.m[0][1]), s.Q.m[0][2], C.m[0][2]);
+    const R determinant = plus_product(plus_product(Q.m[0][0] * C.m[0][0], Q.m[0][1], C.m[0][1]), Q.m[0][2], C.m[0][2]);
     if (k == 0) s.upright = determinant > R(T(0.05));
     const R inverse = half / determinant;
     for (int i = 0; i < 9; ++i) {
-        R& of_Q = s.Q.m[i / 3][i % 3];
-        const R next = plus_product(half * of_Q, inverse, C.m[i / 3][i % 3]);
-        of_Q = k <= unchecked ? next : select(s.running, next, of_Q);
+        const R of_Q = Q.m[i / 3][i % 3], of_next = plus_product(half * of_Q, inverse, C.m[i / 3][i % 3]);
+        next.m[i / 3][i % 3] = k <= unchecked ? of_next : select(s.running, of_next, of_Q);
     }
     if (k >= unchecked) s.running = s.running & s.upright & !MaskOf<R>(determinant - R(1) <= done_below);
 }
@@ -119,35 +115,34 @@ inline void search_on(RotationSearch<R>& s, int k) {
 
 inline constexpr int rotations_at_once = 4;
 
-/// The rotations nearest to up to four matrices F, U V^T of their signed singular value decompositions; what is flat or
-/// inverted is decomposed. Operations of one search wait for each other: those of others go between.
-template <class R>
-inline void nearest_rotations(const Mat3<R>* F, int count, Mat3<R>* out) {
+/// The rotations out(e) nearest to up to four matrices F(e), U V^T of their signed singular value decompositions; what
+/// is flat or inverted is decomposed. Operations of one search wait for each other: those of others go between.
+/// (Matrices stay where they are: copied whole, they would be copied by a function of the library's.)
+template <class R, class From, class To>
+inline void nearest_rotations(int count, From F, To out) {
     constexpr int most = 10;
-    detail::RotationSearch<R> search[rotations_at_once] = {
-        detail::RotationSearch<R>(F[0]), detail::RotationSearch<R>(F[count > 1 ? 1 : 0]),
-        detail::RotationSearch<R>(F[count > 2 ? 2 : 0]), detail::RotationSearch<R>(F[count > 3 ? 3 : 0])};
+    detail::RotationSearch<R> search[rotations_at_once];
     bool busy = true;
     for (int k = 0; k < most && busy; ++k) {
         busy = false;
         for (int e = 0; e < count; ++e) {
             if (k > 0 && !any(search[e].running)) continue;
-            detail::search_on(search[e], k);
+            detail::search_on<R>(search[e], k, k == 0 ? F(e) : out(e), out(e));
             busy = busy || any(search[e].running);
         }
     }
     for (int e = 0; e < count; ++e) {
-        out[e] = search[e].Q;
         const MaskOf<R> decomposed = search[e].running | !search[e].upright;
         if (!any(decomposed)) continue;
-        const SignedSvd<R> svd = signed_svd(F[e]);
-        out[e] = select(decomposed, times_transposed(svd.U, svd.V), out[e]);
+        const SignedSvd<R> svd = signed_svd(F(e));
+        out(e) = select(decomposed, times_transposed(svd.U, svd.V), out(e));
     }
 }
 template <class R>
 inline Mat3<R> nearest_rotation(const Mat3<R>& F) {
     Mat3<R> rotation;
-    nearest_rotations(&F, 1, &rotation);
+    nearest_rotations<R>(
+        1, [&](int) -> const Mat3<R>& { return F; }, [&](int) -> Mat3<R>& { return rotation; });
     return rotation;
 }
 

@@ -101,7 +101,8 @@ struct TurnedBack {
         for (int a = 0; a < 3; ++a) s.g[a] = {T(a == 0), T(a == 1), T(a == 2)};
         s.volume = T(volume);
         for (int i = 0; i < 9; ++i) s.strained.m[i / 3][i % 3] = T(F.m[i / 3][i % 3]);
-        detail::finish_corotated(s, nearest_rotation(s.strained));
+        s.rotation = nearest_rotation(s.strained);
+        detail::finish_corotated(s);
         for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
     }
     Eigen::Matrix<double, 12, 12> stiffness(double mu, double lambda, double pressure, double exactness) const {

@@ -253,6 +253,28 @@ TEST(Lanes, ArithmeticAndMasks) {
     EXPECT_EQ(lane(square_root(R(9)), 1), 3);
 }
 
+template <class Whole>
+void expect_triples_as_in_memory() {
+    using T = ScalarOf<Whole>;
+    constexpr int n = lane_width<Whole>;
+    LaneArray<T> memory(60);
+    for (std::size_t i = 0; i < memory.size(); ++i) memory[i] = T(i);
+    std::size_t offset[n];
+    for (int k = 0; k < n; ++k) offset[k] = k == 1 ? 57 : std::size_t(7 * k % 50);  // the last three, too
+    Whole x[3];
+    gather_triples(memory.data(), offset, x);
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < n; ++k)
+            EXPECT_EQ(lane(x[i], k), memory[offset[k] + std::size_t(i)])
+                << n << " parts, number " << i << " of part " << k;
+}
+TEST(Lanes, TriplesAreGatheredAsTheyStandInMemory) {
+    expect_triples_as_in_memory<Lanes<float, 8, 256>>();
+    expect_triples_as_in_memory<Lanes<float, 16, 512>>();
+    expect_triples_as_in_memory<Lanes<double, 4, 256>>();
+    expect_triples_as_in_memory<Lanes<double, 8, 512>>();
+}
+
 TEST(Tables, IdsAreInvalidAfterDestructionAndRowsStayDense) {
     EntityPool pool;
     Table<int> table;

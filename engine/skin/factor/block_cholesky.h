@@ -52,19 +52,20 @@ inline Mat3<R> solve_right_transposed(const Mat3<R>& S, const Mat3<R>& L) {
 
 namespace detail {
 
-/// S -= A B^T for blocks of memory, column after column, so that S and what a column needs fit into sixteen registers;
-/// sums are those of subtract_products (supernode_cholesky.h). Of a diagonal block, what is above it is left out.
+/// S -= A B^T for blocks of memory: S and what one product of a column and a row needs fit into sixteen registers, and
+/// each number is loaded once. Sums are those of subtract_products (supernode_cholesky.h). Of a diagonal block, what is
+/// above it is left out.
 template <bool diagonal, class R>
 inline void subtract_product_transposed(R (&S)[9], const ScalarOf<R>* A, const ScalarOf<R>* B) {
     constexpr int W = lane_width<R>;
 #pragma GCC unroll 3
-    for (int j = 0; j < 3; ++j) {
-        const R b0 = load<R>(B + 3 * j * W), b1 = load<R>(B + (3 * j + 1) * W), b2 = load<R>(B + (3 * j + 2) * W);
+    for (int k = 0; k < 3; ++k) {
+        const R a[3] = {load<R>(A + k * W), load<R>(A + (3 + k) * W), load<R>(A + (6 + k) * W)};
 #pragma GCC unroll 3
-        for (int i = diagonal ? j : 0; i < 3; ++i) {
-            const ScalarOf<R>* a = A + 3 * i * W;
-            R& s = S[3 * i + j];
-            s = less_product(less_product(less_product(s, load<R>(a), b0), load<R>(a + W), b1), load<R>(a + 2 * W), b2);
+        for (int j = 0; j < 3; ++j) {
+            const R b = load<R>(B + (3 * j + k) * W);
+#pragma GCC unroll 3
+            for (int i = diagonal ? j : 0; i < 3; ++i) S[3 * i + j] = less_product(S[3 * i + j], a[i], b);
         }
     }
 }

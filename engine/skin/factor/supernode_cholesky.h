@@ -25,21 +25,24 @@ inline void subtract_products(T* target, std::size_t target_stride, const T* sou
             for (int c = 0; c < C; ++c) S[n][c] = load<V>(target + std::size_t(c) * target_stride + row + n * W);
         const T* a = source;
         for (int k = 0; k < columns; ++k, a += 3 * source_stride) {
-            V A[N][3];
-            for (int n = 0; n < N; ++n)
-                for (int m = 0; m < 3; ++m) A[n][m] = load<V>(a + std::size_t(m) * source_stride + row + n * W);
-            for (int c = 0; c < C; ++c) {
-                const T* b = a + block_row + c;
-                const V b0(b[0]), b1(b[source_stride]), b2(b[2 * source_stride]);
-                for (int n = 0; n < N; ++n)
-                    S[n][c] = less_product(less_product(less_product(S[n][c], A[n][0], b0), A[n][1], b1), A[n][2], b2);
+            for (int m = 0; m < 3; ++m) {  // one at a time: sixteen registers hold no more than what this needs
+                const T* column = a + std::size_t(m) * source_stride;
+                V A[N];
+                for (int n = 0; n < N; ++n) A[n] = load<V>(column + row + n * W);
+                for (int c = 0; c < C; ++c) {
+                    const V b(column[block_row + c]);
+                    for (int n = 0; n < N; ++n) S[n][c] = less_product(S[n][c], A[n], b);
+                }
             }
         }
         for (int n = 0; n < N; ++n)
             for (int c = 0; c < C; ++c) store(target + std::size_t(c) * target_stride + row + n * W, S[n][c]);
     };
+    // Sums of a register wait for each other: nine of them, or twelve, keep a processor busy.
+    constexpr int high = C == 3 ? 3 : 2;
     int row = 0;
-    for (; row + W < rows; row += 2 * W) strip(row, std::integral_constant<int, 2>{});
+    for (; row + (high - 1) * W < rows; row += high * W) strip(row, std::integral_constant<int, high>{});
+    if (high == 3 && row + W < rows) return strip(row, std::integral_constant<int, 2>{});
     if (row < rows) strip(row, std::integral_constant<int, 1>{});
 }
 

@@ -39,6 +39,8 @@ struct ElementGroup {
     /// Number `i` of the `size` that an array has for each element.
     template <class Array>
     Q load(const Array& array, std::size_t size = 1, std::size_t i = 0) const {
+        const bool in_a_row = count == parts && number.back() == number[0] + (parts - 1);  // they never fall
+        if (parts > 1 && size == 1 && in_a_row) return palpate::load<Q>(array.data() + number[0] * lane_width<R>);
         std::array<std::size_t, parts> offset;
         for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = size * number[k] * lane_width<R>;
         return gather_parts<R, Q>(array.data() + i * lane_width<R>, offset.data());
@@ -47,9 +49,24 @@ struct ElementGroup {
         std::array<std::size_t, parts> offset;
         for (std::size_t k = 0; k < offset.size(); ++k)
             offset[k] = std::size_t(3 * t.elements[number[k]][std::size_t(a)]) * lane_width<R>;
-        const ScalarOf<R>* p = array.data();
-        return {gather_parts<R, Q>(p, offset.data()), gather_parts<R, Q>(p + lane_width<R>, offset.data()),
-                gather_parts<R, Q>(p + 2 * lane_width<R>, offset.data())};
+        return gather_vectors(array.data(), offset.data());
+    }
+    /// Vector `a` of the three that an array has for each element.
+    template <class Array>
+    Vec3<Q> load_third(const Array& array, std::size_t a) const {
+        std::array<std::size_t, parts> offset;
+        for (std::size_t k = 0; k < offset.size(); ++k) offset[k] = (9 * number[k] + 3 * a) * lane_width<R>;
+        return gather_vectors(array.data(), offset.data());
+    }
+    static Vec3<Q> gather_vectors(const ScalarOf<R>* p, const std::size_t* offset) {
+        if constexpr (parts >= 4) {
+            Q v[3];
+            gather_triples(p, offset, v);
+            return {v[0], v[1], v[2]};
+        } else {
+            return {gather_parts<R, Q>(p, offset), gather_parts<R, Q>(p + lane_width<R>, offset),
+                    gather_parts<R, Q>(p + 2 * lane_width<R>, offset)};
+        }
     }
 };
 
@@ -66,9 +83,8 @@ struct Corotated {
 
 /// What follows of the rotation and of F, which is in `strained` before.
 template <class Q>
-inline void finish_corotated(Corotated<Q>& s, const Mat3<Q>& rotation) {
-    s.rotation = rotation;
-    s.strained = s.strained - rotation;
+inline void finish_corotated(Corotated<Q>& s) {
+    for (int i = 0; i < 9; ++i) s.strained.m[i / 3][i % 3] = s.strained.m[i / 3][i % 3] - s.rotation.m[i / 3][i % 3];
     auto along = [&](int i, int j) { return dot(s.rotation.column(i), s.strained.column(j)); };
     s.strain = {along(0, 0), along(0, 1), along(1, 1), along(0, 2), along(1, 2), along(2, 2)};
     s.stretch = trace(s.strain);
@@ -77,20 +93,19 @@ inline void finish_corotated(Corotated<Q>& s, const Mat3<Q>& rotation) {
 /// Turns back up to rotations_at_once groups of elements.
 template <class R, class Q, class Group>
 inline void corotate(const SkinChunk<ScalarOf<R>>& c, int count, Group group, Corotated<Q>* out) {
-    Mat3<Q> F[rotations_at_once], rotation[rotations_at_once];
-    for (Mat3<Q>& f : F) f = Mat3<Q>::identity();  // zeros are cleared as memory, which waits
     for (int n = 0; n < count; ++n) {
         const ElementGroup<R, Q> elements = group(n);
         Corotated<Q>& s = out[n];
         Vec3<Q> x[4];
         for (int a = 0; a < 4; ++a) x[a] = elements.load_node(c.state.position, *c.topology, a);
-        for (std::size_t a = 0; a < 3; ++a)
-            for (std::size_t i = 0; i < 3; ++i) s.g[a][int(i)] = elements.load(c.rest.shape_gradients, 9, 3 * a + i);
+        for (std::size_t a = 0; a < 3; ++a) s.g[a] = elements.load_third(c.rest.shape_gradients, a);
         s.volume = elements.load(c.rest.volume);
-        s.strained = F[n] = deformation_gradient(x, s.g);
+        set_deformation_gradient(x, s.g, s.strained);
     }
-    nearest_rotations(F, count, rotation);
-    for (int n = 0; n < count; ++n) finish_corotated(out[n], rotation[n]);
+    nearest_rotations<Q>(
+        count, [&](int n) -> const Mat3<Q>& { return out[n].strained; },
+        [&](int n) -> Mat3<Q>& { return out[n].rotation; });
+    for (int n = 0; n < count; ++n) finish_corotated(out[n]);
 }
 
 /// Nodal forces (gradients) dE/dx_a of nodes 0..3 [N].
@@ -202,9 +217,11 @@ inline void turn_numbers(const Q* number, std::size_t used, ScalarOf<R>* out) {
     for (std::size_t i = 0; i < used; i += side)
         for (std::size_t first = 0; first < lanes; first += side) {
             Row row[side];
+#pragma GCC unroll 8
             for (std::size_t k = 0; k < side; ++k)
                 std::memcpy(&row[k], reinterpret_cast<const T*>(&number[i + k].v) + first, sizeof(Row));
             transpose_square(row);
+#pragma GCC unroll 8
             for (std::size_t k = 0; k < side; ++k) std::memcpy(&out[(first + k) * count + i], &row[k], sizeof(Row));
         }
 }
@@ -212,15 +229,8 @@ inline void turn_numbers(const Q* number, std::size_t used, ScalarOf<R>* out) {
 /// Adds nine numbers to a block of a finger alone, eight of them in a register (or two).
 template <class T>
 inline void add_nine(T* to, const T* from) {
-    using Row = HalfRegister<T>;
-    constexpr std::size_t side = sizeof(Row) / sizeof(T);
-    for (std::size_t i = 0; i < 8; i += side) {
-        Row sum, term;
-        std::memcpy(&sum, to + i, sizeof(Row));
-        std::memcpy(&term, from + i, sizeof(Row));
-        sum += term;
-        std::memcpy(to + i, &sum, sizeof(Row));
-    }
+    using Row = Lanes<T, 32 / sizeof(T)>;
+    for (int i = 0; i < 8; i += lane_width<Row>) store(to + i, load<Row>(to + i) + load<Row>(from + i));
     to[8] += from[8];
 }
 

@@ -272,8 +272,16 @@ inline void add_gradient(const Mat3<R>& P, const Vec3<R> g[3], const R& volume, 
 
 /// F = sum_a (x_a - x_0) g_a^T, shape gradients g of nodes 1..3.
 template <class R>
+inline void set_deformation_gradient(const Vec3<R> x[4], const Vec3<R> g[3], Mat3<R>& F) {
+    const Vec3<R> edge[3] = {x[1] - x[0], x[2] - x[0], x[3] - x[0]};
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) F.m[i][j] = edge[0][i] * g[0][j] + edge[1][i] * g[1][j] + edge[2][i] * g[2][j];
+}
+template <class R>
 inline Mat3<R> deformation_gradient(const Vec3<R> x[4], const Vec3<R> g[3]) {
-    return outer(x[1] - x[0], g[0]) + outer(x[2] - x[0], g[1]) + outer(x[3] - x[0], g[2]);
+    Mat3<R> F;
+    set_deformation_gradient(x, g, F);
+    return F;
 }
 
 }  // namespace palpate
