@@ -107,7 +107,9 @@ struct TurnedBack {
     }
     Eigen::Matrix<double, 12, 12> stiffness(double mu, double lambda, double pressure, double exactness) const {
         Mat3<double> block[10];
-        detail::corotational_stiffness(s, r, T(mu), T(lambda), T(pressure), T(exactness),
+        detail::Corotated<T> weighed = s;
+        detail::weigh_turning(weighed, T(mu), T(pressure), T(exactness));
+        detail::corotational_stiffness(weighed, r, T(mu), T(lambda),
                                        [&](int k, int i, int j, T entry) { block[k].m[i][j] = entry; });
         return matrix_of(block);
     }

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "engine/ecs/table.h"
+#include "engine/math/gather.h"
 #include "engine/math/svd3.h"
 #include "engine/skin/factor/supernode_threads.h"
 #include "engine/skin/solve/progress.h"

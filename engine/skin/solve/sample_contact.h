@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "engine/contact/contact_terms.h"
+#include "engine/math/gather.h"
 #include "engine/skin/chunks/samples.h"
 #include "engine/skin/solve/fitted.h"
 

@@ -10,6 +10,7 @@
 // A register holds the same elements of several fingers, or several elements of one; all are added to the nodes in
 // their own order, so that a finger is the same bits alone or beside others.
 
+#include "engine/math/gather.h"
 #include "engine/math/polar3.h"
 #include "engine/skin/tissue/elements.h"
 
@@ -79,6 +80,7 @@ struct Corotated {
     Q stretch;             ///< tr E
     Vec3<Q> g[3];          ///< shape gradients of nodes 1..3 [1/m]
     Q volume;
+    Symmetric3<Q> turning;  ///< volume kappa G^-1, as stiffness has it (weigh_turning)
 };
 
 /// What follows of the rotation and of F, which is in `strained` before.
@@ -119,27 +121,27 @@ inline void corotational_force(const Corotated<Q>& s, const Q& mu, const Q& pres
     out[0] = -(out[1] + out[2] + out[3]);
 }
 
-/// kappa G^-1, without what would make the stiffness indefinite where exactness is 0.
+/// volume kappa G^-1, without what would make the stiffness indefinite where exactness is 0. Its operations wait for
+/// each other: ask for several groups of elements in a row.
 template <class Q>
-inline Symmetric3<Q> turning_weight(const Corotated<Q>& s, const Q& mu, const Q& pressure, const Q& exactness) {
+inline void weigh_turning(Corotated<Q>& s, const Q& mu, const Q& pressure, const Q& exactness) {
     const Q least(ScalarOf<Q>(1e-6)), zero(0), two(2);
     const Q kappa = pressure - two * mu, floor = maximum(two - pressure / mu, zero);
     const Symmetric3<Q> minus_strain = Q(-1) * s.strain, G = plus_diagonal(two + s.stretch, minus_strain);
     // The positive part of what G is above the floor. Where kappa is positive nothing has to be raised.
     const Symmetric3<Q> above = plus_diagonal(two + s.stretch - floor, minus_strain);
     const Symmetric3<Q> raised = plus_diagonal(floor, positive_part_bound(above));
-    const Symmetric3<Q> W = kappa * inverse_of_positive(select(kappa > zero, G, raised), least);
-    if (!any(exactness > zero)) return W;
-    return W + exactness * (kappa * inverse_of_positive(G, least) - W);
+    Symmetric3<Q> W = kappa * inverse_of_positive(select(kappa > zero, G, raised), least);
+    if (any(exactness > zero)) W = W + exactness * (kappa * inverse_of_positive(G, least) - W);
+    s.turning = s.volume * W;
 }
 
 /// Stiffness blocks of an element: emit(k, i, j, number) of each k of block_pair, entry after entry [N/m]; `r` are the
 /// turned shape gradients, R g_a. A column at a time needs four numbers of memory and seven registers: whole blocks do
 /// not fit into the sixteen that there are. `own_volume`: whether lambda acts on the element, and not on its patch.
 template <bool own_volume = true, class Q, class Emit>
-inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], const Q& mu, const Q& lambda,
-                                   const Q& pressure, const Q& exactness, Emit emit) {
-    const Symmetric3<Q> W = s.volume * turning_weight(s, mu, pressure, exactness);
+inline void corotational_stiffness(const Corotated<Q>& s, const Vec3<Q> r[3], const Q& mu, const Q& lambda, Emit emit) {
+    const Symmetric3<Q>& W = s.turning;
     const Mat3<Q>& A = s.rotation;
     const Mat3<Q> full{{{W.xx, W.xy, W.xz}, {W.xy, W.yy, W.yz}, {W.xz, W.yz, W.zz}}};
     const Mat3<Q> M = times_transposed(A * full, A);  // symmetric but for its rounding: its lower half counts
@@ -328,18 +330,17 @@ inline void begin_limits(SkinChunk<ScalarOf<R>>& c, MaskOf<R> lanes) {
 /// Forces, and where wanted stiffness, of the elements of a register that a finger has for itself; leaves their turned
 /// shape gradients.
 template <Want want, class R, bool own_volume = true, class Q>
-inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness,
-                            Vec3<Q> r[3], ElementNumbers<R>& out) {
+inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda, const Q& pressure, Vec3<Q> r[3],
+                            ElementNumbers<R>& out) {
     Vec3<Q> force[4];
     corotational_force(s, mu, pressure, force);
     ElementSums<Q> sums;
     for (std::size_t i = 0; i < 12; ++i) sums.number[i] = force[i / 3][int(i % 3)];
     if constexpr (want == Want::forces_and_matrix) {
         for (int a = 0; a < 3; ++a) r[a] = s.rotation * s.g[a];
-        corotational_stiffness<own_volume>(
-            s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const Q& entry) {
-                sums.number[ElementSums<Q>::stiffness + std::size_t(9 * k + 3 * i + j)] = entry;
-            });
+        corotational_stiffness<own_volume>(s, r, mu, lambda, [&](int k, int i, int j, const Q& entry) {
+            sums.number[ElementSums<Q>::stiffness + std::size_t(9 * k + 3 * i + j)] = entry;
+        });
     }
     using Sums = ElementSums<Q>;
     turn_numbers<R, Q, Sums::count>(sums.number.data(), want == Want::forces ? Sums::stiffness : Sums::count,
@@ -349,7 +350,7 @@ inline void element_numbers(const Corotated<Q>& s, const Q& mu, const Q& lambda,
 /// Adds the elements of a register to several fingers. Element after element: what comes after the first one waits.
 template <Want want, class R, bool own_volume, class Q>
 inline void add_to_fingers(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
-                           const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
+                           const Q& mu, const Q& lambda, const Q& pressure, Vec3<Q> r[3]) {
     constexpr int W = lane_width<R>, parts = ElementGroup<R, Q>::parts;
     static_assert(parts <= 2);
     Vec3<Q> force[4];
@@ -364,12 +365,11 @@ inline void add_to_fingers(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& 
         auto* all = c.scratch.blocks.data();
         const auto& blocks = c.topology->element_block[elements.first];
         [[maybe_unused]] std::array<R, 90> waiting;  // of a second element
-        corotational_stiffness<own_volume>(
-            s, r, mu, lambda, pressure, exactness, [&](int k, int i, int j, const Q& entry) {
-                auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * W;
-                store<R>(to, load<R>(to) + part_of<R>(entry, 0));
-                if constexpr (parts == 2) waiting[std::size_t(9 * k + 3 * i + j)] = high_part<R>(entry);
-            });
+        corotational_stiffness<own_volume>(s, r, mu, lambda, [&](int k, int i, int j, const Q& entry) {
+            auto* to = all + (9 * std::size_t(blocks[std::size_t(k)]) + std::size_t(3 * i + j)) * W;
+            store<R>(to, load<R>(to) + part_of<R>(entry, 0));
+            if constexpr (parts == 2) waiting[std::size_t(9 * k + 3 * i + j)] = high_part<R>(entry);
+        });
         if (elements.count < 2) return;
         const auto& others = c.topology->element_block[elements.first + 1];
         for (std::size_t k = 0; k < 10; ++k) {
@@ -382,12 +382,12 @@ inline void add_to_fingers(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& 
 /// Adds them to a finger alone, or to several.
 template <Want want, class R, class Q, bool own_volume = true>
 inline void add_corotated(SkinChunk<ScalarOf<R>>& c, const ElementGroup<R, Q>& elements, const Corotated<Q>& s,
-                          const Q& mu, const Q& lambda, const Q& pressure, const Q& exactness, Vec3<Q> r[3]) {
+                          const Q& mu, const Q& lambda, const Q& pressure, Vec3<Q> r[3]) {
     if constexpr (lane_width<R> != 1 || std::is_same_v<R, Q>) {
-        add_to_fingers<want, R, own_volume>(c, elements, s, mu, lambda, pressure, exactness, r);
+        add_to_fingers<want, R, own_volume>(c, elements, s, mu, lambda, pressure, r);
     } else {
         ElementNumbers<R> numbers;
-        element_numbers<want, R, own_volume>(s, mu, lambda, pressure, exactness, r, numbers);
+        element_numbers<want, R, own_volume>(s, mu, lambda, pressure, r, numbers);
         for (int k = 0; k < elements.count; ++k)
             add_element<want, R>(c, elements.first + std::size_t(k), numbers.of(k));
     }
@@ -416,14 +416,20 @@ inline void add_corotational_elements(SkinChunk<ScalarOf<R>>& c, const ElementRe
         Corotated<Q> state[rotations_at_once];
         const int groups = std::min(rotations_at_once, (count - first + step - 1) / step);
         corotate<R, Q>(c, groups, group, state);
+        Q mus[rotations_at_once], lambdas[rotations_at_once];
+        for (int n = 0; n < groups; ++n) {
+            mus[n] = group(n).load(c.rest.mu), lambdas[n] = group(n).load(c.rest.lambda);
+            if constexpr (want == Want::forces_and_matrix)
+                weigh_turning(state[n], mus[n], lambdas[n] * state[n].stretch, exactness);
+        }
         for (int n = 0; n < groups; ++n) {
             const ElementGroup<R, Q> elements = group(n);
             const Corotated<Q>& s = state[n];
-            const Q mu = elements.load(c.rest.mu), lambda = elements.load(c.rest.lambda), pressure = lambda * s.stretch;
+            const Q &mu = mus[n], &lambda = lambdas[n], pressure = lambda * s.stretch;
             const Q energy = shape_energy(s, mu) + Q(T(0.5)) * s.volume * pressure * s.stretch;
             for (int k = 0; k < elements.count; ++k) out.energy += part_of<R>(energy, k);
             Vec3<Q> r[3];
-            add_corotated<want, R, Q>(c, elements, s, mu, lambda, pressure, exactness, r);
+            add_corotated<want, R, Q>(c, elements, s, mu, lambda, pressure, r);
             if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
         }
     }

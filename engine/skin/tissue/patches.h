@@ -81,13 +81,15 @@ inline void add_patch(SkinChunk<ScalarOf<R>>& c, std::size_t number, const Eleme
     Vec3<R> slope[4 * most_patch_elements];
     for (int a = 0; a < patch.node_count; ++a) slope[a] = {R(0), R(0), R(0)};
     const Q of_patch = repeat_part<Q>(pressure), exactness = repeat_part<Q>(request.exactness);
+    if constexpr (want == Want::forces_and_matrix)
+        for (int n = 0; n < groups; ++n) weigh_turning(state[n], group(n).load(c.rest.mu), of_patch, exactness);
     for (int n = 0; n < groups; ++n) {
         const ElementGroup<R, Q> elements = group(n);
         const Corotated<Q>& s = state[n];
         const Q mu = elements.load(c.rest.mu), energy = shape_energy(s, mu);
         for (int k = 0; k < elements.count; ++k) out.energy += part_of<R>(energy, k);
         Vec3<Q> r[3];
-        add_corotated<want, R, Q, false>(c, elements, s, mu, Q(0), of_patch, exactness, r);
+        add_corotated<want, R, Q, false>(c, elements, s, mu, Q(0), of_patch, r);
         if (c.has_limits) note_limits<R, Q>(c, elements, s, request.watches);
         if constexpr (want == Want::forces_and_matrix) {
             const Vec3<Q> turned[3] = {s.volume * r[0], s.volume * r[1], s.volume * r[2]};
@@ -141,6 +143,10 @@ inline void add_patches_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, std
         for (std::size_t e = at; e < end; ++e) out.energy += R(energy[e]), pressure[e] = lane(of_patch, 0);
     }
     std::fill(pressure.begin() + count, pressure.begin() + groups * step, pressure[std::size_t(count - 1)]);
+    if constexpr (want == Want::forces_and_matrix)
+        for (int n = 0; n < groups; ++n)
+            weigh_turning(state[n], mu[n], load<Q>(&pressure[std::size_t(n * step)]),
+                          repeat_part<Q>(request.exactness));
 
     std::size_t number = first;
     Vec3<R> slope[4 * most_patch_elements];
@@ -153,8 +159,7 @@ inline void add_patches_of_one(SkinChunk<ScalarOf<R>>& c, std::size_t first, std
         const Corotated<Q>& s = state[n];
         Vec3<Q> r[3];
         ElementNumbers<R> numbers;
-        element_numbers<want, R, false>(s, mu[n], Q(0), load<Q>(&pressure[std::size_t(n * step)]),
-                                        repeat_part<Q>(request.exactness), r, numbers);
+        element_numbers<want, R, false>(s, mu[n], Q(0), load<Q>(&pressure[std::size_t(n * step)]), r, numbers);
         alignas(64) std::array<T, std::size_t(9 * step)> turned;  // volume R g
         if constexpr (want == Want::forces_and_matrix)
             for (std::size_t i = 0; i < 9; ++i)
