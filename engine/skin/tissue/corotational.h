@@ -60,7 +60,7 @@ struct ElementGroup {
         return gather_vectors(array.data(), offset.data());
     }
     static Vec3<Q> gather_vectors(const ScalarOf<R>* p, const std::size_t* offset) {
-        if constexpr (parts >= 4) {
+        if constexpr (lane_width<R> == 1 && parts >= 4) {
             Q v[3];
             gather_triples(p, offset, v);
             return {v[0], v[1], v[2]};
